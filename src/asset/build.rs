@@ -93,8 +93,8 @@ impl MorphSource {
         })
     }
 
-    /// A note that names the targets of which the tolerance, a length, left nothing.
-    fn emptied(&self, kept: &[MorphTarget], shortest: f64) -> Option<String> {
+    /// Notes that name the targets of which the tolerance, a length, left nothing, and those that state nothing.
+    fn emptied(&self, kept: &[MorphTarget], shortest: f64) -> impl Iterator<Item = String> {
         let states = |target: &SourceTarget| {
             let normals = target.normals.as_ref().is_some_and(|normals| !normals.is_empty());
             normals || !target.positions.is_empty() || target.streams.iter().any(|deltas| !deltas.vertices.is_empty())
@@ -102,12 +102,17 @@ impl MorphSource {
         let is_empty = |target: &MorphTarget| {
             target.vertices.is_empty() && target.streams.iter().all(|deltas| deltas.vertices.is_empty())
         };
-        let mut emptied = self.targets.iter().zip(kept).filter(|(source, kept)| states(source) && is_empty(kept));
-        let first = &emptied.next()?.0.name;
-        let more = emptied.count();
-        let others = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let note = |stated: bool, why: String| {
+            let is_named = |(source, kept): &(&SourceTarget, &MorphTarget)| states(source) == stated && is_empty(kept);
+            let mut named = self.targets.iter().zip(kept).filter(is_named);
+            let first = &named.next()?.0.name;
+            let more = named.count();
+            let others = if more > 0 { format!(" and {more} more") } else { String::new() };
+            Some(format!("target '{first}'{others}: {why}"))
+        };
         let moved = format!("positions move {shortest:.1e} at most");
-        Some(format!("target '{first}'{others}: within the tolerance everywhere ({moved}), so left empty"))
+        let within = note(true, format!("within the tolerance everywhere ({moved}), so left empty"));
+        within.into_iter().chain(note(false, "equal to the base pose, moves nothing".to_owned()))
     }
 
     /// Checks everything that [`to_mesh`](Self::to_mesh) refuses.

@@ -139,10 +139,15 @@ impl MorphSource {
         let mut at = HashMap::new();
         let mut places: Vec<usize> =
             self.positions.iter().map(|p| *at.entry(bits(*p)).or_insert_with(&mut number)).collect();
-        // Vertices that a target moves get another number than those that it leaves, or moves differently.
+        let mut doubled = vec![0; self.positions.len() + 1];
+        places.iter().for_each(|place| doubled[*place] += 1);
+        let doubled: Vec<bool> = places.iter().map(|place| doubled[*place] > 1).collect();
+        // Vertices that a target moves get another number than those that it leaves, or moves differently. One that is
+        // alone stays so.
         for target in &self.targets {
             let mut moved = HashMap::new();
-            for (v, delta) in target.positions.iter().filter(|(_, delta)| *delta != Vec3::ZERO) {
+            let together = |(v, delta): &&(u32, Vec3)| doubled[*v as usize] && *delta != Vec3::ZERO;
+            for (v, delta) in target.positions.iter().filter(together) {
                 let place = &mut places[*v as usize];
                 *place = *moved.entry((*place, bits(*delta))).or_insert_with(&mut number);
             }

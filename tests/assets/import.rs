@@ -503,17 +503,20 @@ fn with_faces(vertices: String, faces: &[Vec<u32>]) -> String {
 #[test]
 fn targets_that_move_all_far_are_remarked_on() {
     type Place = fn(Vec3) -> Vec3;
-    let places: [(&str, Place); 5] = [
+    let places: [(&str, Place); 8] = [
+        ("baby.obj", |p| p * Vec3::new(0.6, 0.4 + 0.1 * p.y, 0.5)),
         ("beside.obj", |p| p + Vec3::X * 7.0),
+        ("child.obj", |p| p * 0.6),
         ("cm.obj", |p| p * 100.0),
         ("km.obj", |p| p * 0.001),
+        ("giant.obj", |p| p * Vec3::new(1.0, 1.5, 1.0)),
         ("smile.obj", |p| p + Vec3::new(0.02, 0.01, 0.1) * p.x),
         ("turned.obj", |p| Vec3::new(p.x, -p.z, p.y)),
     ];
     let text = |place: Place| with_faces(spelled(&grid().into_iter().map(place).collect::<Vec<_>>(), 0), &quads());
     let files = places.map(|(name, place)| (name, text(place)));
     let source = import(&text(|p| p), &files.each_ref().map(|(name, text)| (*name, text.as_str())));
-    says(&source.notes.join("\n"), &["targets that move the whole mesh far", ": beside, cm, km, … (4 in all)"]);
+    says(&source.notes.join("\n"), &["targets that have the whole mesh elsewhere", ": beside, cm, km, … (4 in all)"]);
 }
 
 proptest! {

@@ -11,8 +11,12 @@ use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 use unicode_normalization::UnicodeNormalization;
 
-/// Mean way of all vertices, as a part of the diagonal, from which on a target is remarked on. Expressions move less.
+/// Mean way of all vertices, as a part of the diagonal, from which on a target may be remarked on. Expressions move
+/// less.
 const FAR_FROM: f64 = 0.1;
+/// Standard deviation of the ratio of distances on such a target to those on the base, as a part of it, up to which the
+/// target is the base elsewhere. Another body, which may be as far, has other proportions.
+const DEVIATION: f64 = 0.03;
 
 /// How many times as long as on the base the edges of a target may be altogether, at the same size, if its faces do not
 /// say that the order is the same. In a random order they are tens of times as long on a real mesh.
@@ -29,7 +33,7 @@ const FAR_OFF: f32 = 128.0;
 /// File names ending in `.obj` in any case count; hidden files (a leading dot), folders and other files are ignored.
 /// Names are in Unicode's composed form (NFC). Every target has the vertices of `neutral.obj` in the same order. Its
 /// faces may come in another order, cut in another way, or not at all, which is a note; its texture coordinates are
-/// ignored. Targets that move the whole mesh far are a note, too: of another unit or axis, or in another place. Deltas
+/// ignored. Targets of which the whole mesh is far are a note: of another unit or axis, or in another place. Deltas
 /// are kept as the files state them; [`to_mesh`](MorphSource::to_mesh) drops
 /// noise. A folder without targets gives a source without targets, with a note. A target that cannot be read
 /// or does not fit is left out, with a note.
@@ -101,7 +105,7 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
 
 // Remarks on targets, for the notes.
 const OTHER_FACES: &str = "whose faces are not those of neutral.obj, taken by their vertices in the order of the file";
-const FAR: &str = "that move the whole mesh far (of another unit or axis than neutral.obj, or in another place?)";
+const FAR: &str = "that have the whole mesh elsewhere (of another unit or axis than neutral.obj, or in another place?)";
 const COMPUTED: &str = "without normals at all corners, which are computed";
 const AVERAGED: &str = "with hard edges where neutral.obj has none, averaged by area";
 const IGNORED: &str = "with normals where neutral.obj has none, which are computed for all";
@@ -254,7 +258,7 @@ impl Neutral {
             ensure!(delta.is_finite(), refuse(what()));
         }
         let way: f64 = positions.iter().map(|(_, delta)| delta.as_dvec3().length()).sum();
-        if way > FAR_FROM * f64::from(diagonal(base)) * base.len() as f64 {
+        if way > FAR_FROM * f64::from(diagonal(base)) * base.len() as f64 && is_alike(base, &file.positions) {
             remarks.push(FAR);
         }
         let mut normals = None;
@@ -279,6 +283,20 @@ impl Neutral {
 /// Iterates over `(index, target − base)` wherever the two differ.
 fn differences<'a>(base: &'a [Vec3], target: &'a [Vec3]) -> impl Iterator<Item = (u32, Vec3)> + 'a {
     base.iter().zip(target).enumerate().filter(|(_, (b, t))| b != t).map(|(i, (b, t))| (i as u32, *t - *b))
+}
+
+/// Whether two poses are in one shape, which may be moved, turned, mirrored and of another unit: distances between
+/// vertices are in one ratio. A person may be half as tall as another, but there are no such units.
+fn is_alike(from: &[Vec3], to: &[Vec3]) -> bool {
+    let mut sums = DVec3::ZERO;
+    for i in 0..from.len() {
+        // In all directions, near and far: a prime number mixes them up.
+        let j = i.wrapping_mul(7919) % from.len();
+        let [a, b] = [from, to].map(|pose| f64::from(pose[i].distance(pose[j])));
+        sums += DVec3::new(a * a, a * b, b * b);
+    }
+    let grown = (0.05..0.69).contains(&(sums.y / sums.x).ln().abs());
+    !grown && sums.y * sums.y > (1.0 - DEVIATION * DEVIATION) * sums.x * sums.z
 }
 
 /// How many times as long the edges of `faces` are on `to` as on `from`, altogether, each as a part of the diagonal.
