@@ -636,7 +636,7 @@ typedef struct DmTicket {
 typedef struct DmUpdate {
     /// sizeof(DmUpdate).
     uint32_t struct_size;
-    /// Bound on the position error that accumulation or rounding may have caused so far, in input units.
+    /// Bound on the position error that accumulation, or rounding and decoding, may have caused so far, in input units.
     float bound;
     /// Ticket for `dm_crowd_discard`, should the command buffer never run.
     struct DmTicket ticket;
@@ -1139,7 +1139,8 @@ DmResult dm_gpu_mesh_destroy(struct DmGpuMesh mesh);
 DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, struct DmCrowd *crowd);
 
 /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Instances that have played
-/// no clip yet show the base pose. Any number of updates may be in flight.
+/// no clip yet show the base pose. Any number of updates may be in flight; with steps after the pose, as many as
+/// `frames_in_flight` of the description.
 ///
 /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
 /// TRANSFER_WRITE; last COMPUTE_SHADER). Call `dm_crowd_release_staging` once it has run.

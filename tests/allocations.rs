@@ -53,7 +53,7 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
 fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
     let packed = PackedMesh::pack(&testing::mesh(500, 4), &PackDesc::new(DeltaFormat::Small)).unwrap();
     let clips = [gpu::clip(&packed, 30.0, vec![0.5; 40])];
-    let grid = packed.layout().blocks.as_ref().unwrap().grid(PoseFormat::Fixed16, None).unwrap();
+    let grid = packed.layout().grid(PoseFormat::Fixed16, None).unwrap();
     let clips = Clips::new(&AnimationDesc::new(&clips), packed.layout(), grid).unwrap();
     let mut heads = Playbacks::new(100);
     let (mut steps, mut schedule) = (Steps::new(Consumers::default()), Schedule::default());

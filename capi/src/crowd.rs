@@ -171,7 +171,8 @@ pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDe
 }
 
 /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Instances that have played
-/// no clip yet show the base pose. Any number of updates may be in flight.
+/// no clip yet show the base pose. Any number of updates may be in flight; with steps after the pose, as many as
+/// `frames_in_flight` of the description.
 ///
 /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
 /// TRANSFER_WRITE; last COMPUTE_SHADER). Call `dm_crowd_release_staging` once it has run.

@@ -251,6 +251,16 @@ impl<'a> Runner<'a> {
         }
     }
 
+    /// The pose of the first instance in a group of the mesh, six floats per vertex, in input order.
+    pub fn group_pose(&mut self, group: usize) -> deltamorph::Result<Vec<f32>> {
+        match self {
+            _ if group == 0 => self.pose(0),
+            Self::Gpu(crowds) => Ok(crowds[0].read_group(0, group)?.0),
+            Self::Animated { crowds, .. } => Ok(crowds[0].read_group(0, group)?.0),
+            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.group_pose(0, group)?)),
+        }
+    }
+
     /// The weights of the first instance if a device animates it, in units of the grid.
     pub fn played(&mut self) -> deltamorph::Result<Option<Vec<i32>>> {
         if let Self::Animated { crowds, .. } = self { crowds[0].read_weights(0).map(Some) } else { Ok(None) }
@@ -265,9 +275,9 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The integers of the first instance: those of its pose, stored in `format`, or the integer sums of its path;
-    /// `None` if all is float32.
-    pub fn integers(&mut self, format: PoseFormat) -> deltamorph::Result<Option<Vec<i32>>> {
+    /// The integers of the first instance in a group of the mesh: those of its pose, stored in `format`, or the integer
+    /// sums of its path; `None` if all is float32.
+    pub fn integers(&mut self, format: PoseFormat, group: usize) -> deltamorph::Result<Option<Vec<i32>>> {
         if !format.has_integers() {
             return match self {
                 Self::Gpu(crowds) => crowds[0].read_sums(0),
@@ -275,9 +285,9 @@ impl<'a> Runner<'a> {
             };
         }
         let stored = match self {
-            Self::Gpu(crowds) => crowds[0].read_stored(0, 0)?,
-            Self::Animated { crowds, .. } => crowds[0].read_stored(0, 0)?,
-            Self::Cpu(crowd, _) => crowd.stored_pose(0, 0)?.to_vec(),
+            Self::Gpu(crowds) => crowds[0].read_stored(0, group)?,
+            Self::Animated { crowds, .. } => crowds[0].read_stored(0, group)?,
+            Self::Cpu(crowd, _) => crowd.stored_pose(0, group)?.to_vec(),
         };
         Ok(Some(format.integers(&stored)))
     }

@@ -3,8 +3,8 @@
 use crate::output::{Failure, Output};
 use crate::runner::{Frame, Runner, Setup, Stage};
 use crate::table::{sig3, thousands};
-use deltamorph::packed::PoseGrid;
-use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
+use deltamorph::packed::{PackedGroup, PoseGrid};
+use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_group, evaluate_unpacked};
 use deltamorph::{
     CpuCrowd, MorphMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, PoseFormat, UpdateDesc, UpdateStats,
 };
@@ -43,6 +43,8 @@ pub struct Found {
     pub reach: f64,
     /// Counted by [`Promise::additions`].
     pub additions: usize,
+    /// The largest difference of any component of further streams.
+    pub streams: f64,
 }
 
 impl Found {
@@ -54,6 +56,7 @@ impl Found {
             bound: self.bound.max(other.bound),
             reach: self.reach.max(other.reach),
             additions: self.additions.max(other.additions),
+            streams: worse(self.streams, other.streams),
         }
     }
 }
@@ -172,6 +175,12 @@ impl Promise {
         }
     }
 
+    /// The one for a group of further streams, whose components are compared as they are: no bound on their drift is
+    /// kept, and nothing is deferred.
+    fn of_streams(desc: &UpdateDesc, layout: &PackedLayout) -> Self {
+        Self { tracked: false, budget: 0.0, scale: 1.0, ..Self::new(desc, layout) }
+    }
+
     /// The weights to compare the result with: for sums of integers, rounded to their grid.
     pub fn applied(&self, weights: &[f32]) -> Vec<f32> {
         weights.iter().map(|&w| self.grid.map_or(w, |grid| grid.round(w))).collect()
@@ -264,10 +273,21 @@ fn turned(pose: &[f32], reference: &[f64], length: f64) -> f64 {
     angles.fold(0.0, |worst, angle| worse(angle, worst))
 }
 
+/// The largest difference between a triple of components in two poses, and the largest number there.
+fn differences(pose: &[f32], reference: &[f64], triple: usize) -> [f64; 2] {
+    let numbers = |i: &usize| i % POSE_FLOATS / 3 == triple;
+    (0..reference.len()).filter(numbers).fold([0.0; 2], |[off, reach], i| {
+        let got = pose.get(i).map_or(f64::NAN, |number| f64::from(*number));
+        [worse(off, (got - reference[i]).abs()), worse(reach, reference[i].abs())]
+    })
+}
+
 /// Compares poses of one instance with the float64 reference.
 pub struct Checks<'a> {
     pub stage: &'a Stage,
     pub promise: Promise,
+    /// Groups of further streams.
+    streams: Vec<(&'a PackedGroup, Promise)>,
     /// Compares normals, too, and positions with these deltas at the weights asked for.
     source: Option<Arc<MorphMesh>>,
     count: usize,
@@ -290,14 +310,20 @@ pub struct Checked {
     bound: f64,
     /// The same as a fraction of the diagonal.
     bound_rel: f64,
+    /// The largest difference of any component of further streams (tangents, texture coordinates, colours) from the
+    /// reference; 0 without any.
+    streams_error: f64,
 }
 
 impl<'a> Checks<'a> {
-    /// Checks positions of `stage` against the reference; with a `source` also normals, and positions against it.
+    /// Checks positions and further streams of `stage` against the reference; with a `source` also normals, and positions
+    /// against it.
     pub fn new(stage: &'a Stage, source: Option<Arc<MorphMesh>>) -> Self {
         let promise = Promise::new(&stage.desc, stage.mesh.layout());
+        let further = stage.mesh.groups()[1..].iter();
+        let streams = further.map(|group| (group, Promise::of_streams(&stage.desc, group.layout()))).collect();
         let (found, errors) = (Found::default(), Errors::default());
-        Self { stage, promise, source, count: 0, additions: 0, found, errors, wrong: None }
+        Self { stage, promise, streams, source, count: 0, additions: 0, found, errors, wrong: None }
     }
 
     /// Updates the instance of `runner`, and if `due` compares its pose. Also returns the position error: against the
@@ -334,8 +360,24 @@ impl<'a> Checks<'a> {
         } else {
             found.turned = 0.0;
         }
-        if !self.promise.kept(&found) && self.wrong.is_none() {
-            self.wrong = Some((frame, self.promise.complaint(&found)));
+        let mut complaint = (!self.promise.kept(&found)).then(|| self.promise.complaint(&found));
+        for (group, (packed, promise)) in (1..).zip(&self.streams) {
+            let (pose, reference) = (runner.group_pose(group)?, evaluate_group(packed, &applied));
+            for (triple, bound) in promise.rounding(&applied).into_iter().enumerate() {
+                let [off, reach] = differences(&pose, &reference, triple);
+                // Rounding of numbers up to 1 is not allowed for otherwise.
+                let found_here = Found { bound, additions: self.additions, reach: reach + promise.scale, ..found };
+                let allowed = promise.allowed(&found_here);
+                found.streams = worse(found.streams, off);
+                if off.is_nan() || off > allowed {
+                    let names = packed.layout().streams.iter().map(|stream| stream.semantic.to_string());
+                    let names = names.collect::<Vec<_>>().join(" and ");
+                    complaint.get_or_insert(format!("{names} are off by {off:.3e} ({allowed:.1e} allowed)"));
+                }
+            }
+        }
+        if let Some(complaint) = complaint {
+            self.wrong.get_or_insert((frame, complaint));
         }
         self.count += 1;
         self.found = self.found.max(found);
@@ -348,6 +390,7 @@ impl<'a> Checks<'a> {
             checks: self.count,
             bound: self.found.bound,
             bound_rel: self.found.bound / self.promise.scale,
+            streams_error: self.found.streams,
         }
     }
 
@@ -360,15 +403,21 @@ impl<'a> Checks<'a> {
             bound if self.promise.budget > 0.0 => format!(", at most {} of it by rounding poses", relative(bound)),
             bound => format!(", at most {} by rounding poses", relative(bound)),
         };
+        let streams = match self.streams.is_empty() {
+            true => String::new(),
+            false => format!("; further streams {} off", sig3(self.found.streams)),
+        };
         let count = thousands(self.count);
         match &self.source {
             Some(_) => {
-                format!("largest errors in {count} frames: {}{bound}", self.errors.text(self.stage.source))
+                let errors = self.errors.text(self.stage.source);
+                format!("largest errors in {count} frames: {errors}{bound}{streams}")
             }
             None => {
                 let error = relative(self.found.error.position);
                 format!(
-                    "largest error in {count} frames, of the diagonal: {error} against the float64 reference{bound}"
+                    "largest error in {count} frames, of the diagonal: {error} against the float64 \
+                     reference{bound}{streams}"
                 )
             }
         }
@@ -425,7 +474,8 @@ mod tests {
             (rounding(exact, &[0.0; 2]), [0.0; 2])
         );
         let [none, one, two] = [[0.0; 2], [0.5, 0.0], [0.5, 1.0]].map(|weights| rounding(narrow, &weights));
-        let times = |times: f64, of: [f64; 2]| [0, 1].map(|i| (of[i] - times * none[i]).abs() < 1e-6 * none[i]);
+        // Decoding adds the same to each.
+        let times = |times: f64, of: [f64; 2]| [0, 1].map(|i| (of[i] - times * none[i]).abs() < 0.03 * none[i]);
         assert!(none[0] > 0.0 && none[1] > 0.0 && times(2.0, one) == [true; 2], "{none:?} {one:?}");
         assert!(times(3.0, two) == [true; 2], "{none:?} {two:?}");
         assert_eq!(rounding(patient(narrow), &[0.5, 0.0]), two, "what waits may be a weight");

@@ -26,8 +26,8 @@ impl MorphEngine {
     ///
     /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd, or calling
     /// [`Crowd::discard`](super::Crowd::discard) with the ticket; having at most
-    /// [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates unfinished, including this one;
-    /// restoring its own bindings; barriers of its own if other stages than the consumers' read poses.
+    /// [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates unfinished, including this one (see
+    /// Safety); restoring its own bindings; barriers of its own if other stages than the consumers' read poses.
     ///
     /// # Errors
     /// A crowd of another engine; fewer [queries](crate::DeviceCrowd::set_queries) than timestamps. Nothing is recorded
@@ -43,7 +43,8 @@ impl MorphEngine {
     ///   later update of the crowd is submitted. Updates recorded after it are discarded with it, and never run either:
     ///   the next update reuses the memory of their lists.
     /// - Including this one, at most [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates of the
-    ///   crowd are recorded but unfinished.
+    ///   crowd are recorded but unfinished; of an [`AnimatedCrowd`](crate::AnimatedCrowd) without [steps after the
+    ///   pose](crate::after), any number.
     /// - After an error or a panic the update does not count as recorded; after a panic `cmd` may contain some of its
     ///   commands, and must not be submitted.
     /// - Engine, mesh and crowd live until the device has finished.

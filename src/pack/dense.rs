@@ -1,7 +1,7 @@
 //! Packing in dense formats: every vertex of every target.
 
 use super::formats::{DenseFormat, Lane};
-use super::grid::{Reached, Sums};
+use super::grid::{MeshSums, Reached, Sums};
 use super::source::largest;
 use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, Source, VERTEX_PADDING};
 use crate::asset::streams::{StreamPlace, TRIPLE, TRIPLES};
@@ -54,7 +54,7 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
             moved.into_iter().for_each(|(reached, delta)| reached.add(vertex as usize, delta, steps));
         }
     }
-    layout.sums = reached.map(|reached| reached.sums(desc, &source.streams));
+    layout.sums = reached.map(|reached| MeshSums::of(reached.sums(desc, &source.streams)));
     layout.take_base(&base);
     Ok(PackedGroup { layout, base, words: words_of_all })
 }

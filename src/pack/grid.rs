@@ -5,6 +5,7 @@ use crate::abi::formats::PoseRow;
 use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::error::{Error, Result, ensure, refuse};
 use std::ops::{Range, RangeInclusive};
+use std::sync::Arc;
 
 /// Fewer bits are too coarse to animate; steps finer than 2^-16 make no visible difference.
 const WEIGHT_BITS: RangeInclusive<u32> = 7..=16;
@@ -20,8 +21,8 @@ pub(crate) const HALF: i32 = 1 << (DROPPED - 1);
 /// − offset) / unit) + Σ round(weight · delta / unit) over the targets, so it depends neither on their order nor on
 /// earlier poses; in [`Rebuilt16`](PoseFormat::Rebuilt16) round((base − offset + Σ weight · delta) / unit). Rounding
 /// weights moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the packing error
-/// ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1); rounding to units, by
-/// [`position_error`](Self::position_error).
+/// ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1); rounding to units and
+/// decoding, by [`position_error`](Self::position_error).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseGrid {
@@ -41,6 +42,8 @@ pub struct PoseGrid {
     /// Blocks whose products or sums are rounded: left shift of the product of integer weight and integer delta to
     /// 2^-[`DROPPED`] of the unit. By triple; 0 if nothing is rounded.
     pub(crate) raised: [u32; TRIPLES],
+    /// How far decoding moves a vertex at most, in input units. By triple.
+    pub(crate) decoding: [f64; TRIPLES],
 }
 
 /// A target's contribution to a fixed-point pose, for integer deltas d: q(new) − q(old), where q(w) = (w · d + half) >>
@@ -84,7 +87,7 @@ pub(crate) struct Sums {
     pub directions: Vec<Range<usize>>,
     /// By block of vertices.
     pub reached: Vec<Reached>,
-    /// The largest numbers of all groups of the mesh, which share the grid of weights.
+    /// The largest numbers of the group.
     pub largest: Largest,
     /// Upper bound on the targets that move a vertex; block formats count those that touch its block.
     pub targets: usize,
@@ -125,7 +128,7 @@ impl PoseGrid {
     }
 
     /// Bound on the position error of a vertex that `targets` targets move, from rounding each of their terms and the
-    /// base pose by half a unit, or their sum. In input units.
+    /// base pose by half a unit, or their sum, and from decoding them in single precision. In input units.
     pub fn position_error(&self, targets: usize) -> f32 {
         self.rounding(0, targets)
     }
@@ -153,19 +156,19 @@ impl PoseGrid {
         let dropped = [0, 1].map(|triple| {
             let product = f64::from(steps[triple]) * f64::from(self.weight_step());
             // The quotient of powers of two is exact. A step coarser than the unit belongs to a target that does not
-            // move the triple. From 31 bits on, no product reaches half a unit: both terms are -1.
+            // move the triple. From 31 bits on, no product reaches half a unit: both terms are 0.
             (f64::from(self.units[triple * TRIPLE]) / product).log2().clamp(0.0, 31.0) as u32
         });
         Term { new, old, dropped }
     }
 
-    /// How far rounding the components of a triple moves a vertex.
+    /// How far rounding the components of a triple, and decoding them, moves a vertex.
     fn rounding(&self, triple: usize, targets: usize) -> f32 {
         let half = f64::from(self.units[triple * TRIPLE]) * 0.75f64.sqrt();
         // The base pose, or the sum.
         let roundings = if self.rounds_terms { targets + 1 } else { 1 };
         // Rounded up.
-        ((half * roundings as f64) as f32).next_up()
+        ((half * roundings as f64 + self.decoding[triple]) as f32).next_up()
     }
 }
 
@@ -183,6 +186,36 @@ pub(super) fn refused(deltas: DeltaFormat, pose: PoseFormat) -> Error {
 pub(super) fn directions(streams: &[StreamPlace]) -> Vec<Range<usize>> {
     let directions = streams.iter().filter(|stream| stream.semantic.measure() == Measure::Angle);
     directions.map(StreamPlace::morphing_components).collect()
+}
+
+/// The bounds of all groups of a mesh, and which of them are those of one group. Weights belong to the mesh: their grid
+/// follows from all groups, and is the same in each.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct MeshSums {
+    pub all: Arc<[Sums]>,
+    pub group: usize,
+}
+
+impl MeshSums {
+    /// Those of a mesh of one group.
+    pub fn of(sums: Sums) -> Self {
+        Self { all: Arc::new([sums]), group: 0 }
+    }
+
+    /// The grid of the group.
+    pub fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
+        let own = &self.all[self.group];
+        let bits = pose.row().bits;
+        ensure!(bits > 0 && pose.takes(own.format), refused(own.format, pose));
+        let weight_max = weight_max.unwrap_or(if bits < i32::BITS { 1.0 } else { own.weight_max });
+        let largest = self.all.iter().map(|sums| sums.largest).fold(Largest::default(), Largest::max);
+        let most = own.weight_bits(pose, weight_max, largest)?;
+        // Weights are coarser where rounding would have to drop more bits of finer ones, in any group.
+        let place = |bits: u32| self.all.iter().map(move |sums| sums.place(pose, weight_max, bits)).collect();
+        let grids = (*WEIGHT_BITS.start()..=most).rev().map(place).find(Result::is_ok);
+        let grids: Vec<PoseGrid> = grids.unwrap_or_else(|| place(most))?;
+        Ok(grids[self.group])
+    }
 }
 
 /// The largest weight in steps of 2^-bits.
@@ -227,31 +260,9 @@ impl Sums {
         self.largest = Largest { sum, base };
     }
 
-    pub(super) fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
-        let PoseRow { bits, rounds_sums, .. } = *pose.row();
-        ensure!(bits > 0 && pose.takes(self.format), refused(self.format, pose));
-        let weight_max = weight_max.unwrap_or(if bits < i32::BITS { 1.0 } else { self.weight_max });
-        let rounds = bits < i32::BITS || self.coarsest.is_some();
-        let place = |weight_bits| {
-            let mut grid = PoseGrid {
-                weight_bits,
-                weight_max,
-                units: [0.0; POSE_FLOATS],
-                offsets: [0.0; POSE_FLOATS],
-                rounds_sums,
-                rounds_terms: rounds && !rounds_sums,
-                raised: [0; TRIPLES],
-            };
-            (0..TRIPLES).try_for_each(|triple| self.place(triple, pose, &mut grid))?;
-            Ok(grid)
-        };
-        let most = self.weight_bits(pose, weight_max)?;
-        // Weights are coarser where rounding would have to drop more bits of finer ones.
-        (0..=most).rev().map(place).find(Result::is_ok).unwrap_or_else(|| place(most))
-    }
-
-    /// The most bits of weights up to `weight_max` with which no product or sum overflows before rounding.
-    fn weight_bits(&self, pose: PoseFormat, weight_max: f32) -> Result<u32> {
+    /// The most bits of weights up to `weight_max` with which no product or sum overflows before rounding, where these
+    /// are the `largest` numbers of the mesh.
+    fn weight_bits(&self, pose: PoseFormat, weight_max: f32, largest: Largest) -> Result<u32> {
         let dense = self.coarsest.is_some();
         // With rounding, the limits leave room for the half unit: dense deltas have 16 bits, so a product with 2^15 has
         // one spare bit.
@@ -260,7 +271,7 @@ impl Sums {
         let (most_steps, most, base) = match (dense, pose.rounds_products()) {
             (true, _) => (32768.0, f64::INFINITY, 0.0),
             (false, true) => (f64::from(i16::MAX), most, 0.0),
-            (false, false) => (f64::INFINITY, most - 1.0, self.largest.base),
+            (false, false) => (f64::INFINITY, most - 1.0, largest.base),
         };
         let steps = |bits: u32| weight_steps(weight_max, bits);
         let fits = weight_max > 0.0 && steps(*WEIGHT_BITS.start()) <= most_steps;
@@ -268,25 +279,46 @@ impl Sums {
         let wider = if dense { "deltas in blocks" } else { "fixed32 poses" };
         ensure!(fits, text, format!("use a weight_max above 0 and up to 255, or {wider}"));
         // Deltas move the offset, too.
-        let total = |bits: u32| {
-            self.largest.sum * steps(bits) * (1.0 + f64::from(f32::EPSILON)) + base * f64::from(1u32 << bits)
-        };
+        let total =
+            |bits: u32| largest.sum * steps(bits) * (1.0 + f64::from(f32::EPSILON)) + base * f64::from(1u32 << bits);
         let fits = |bits: &u32| steps(*bits) <= most_steps && total(*bits) <= most;
-        WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, base, most))
+        let largest = Largest { base, ..largest };
+        WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, largest, most))
+    }
+
+    /// The grid for the mesh's weights, up to `weight_max` in steps of 2^-`weight_bits`.
+    fn place(&self, pose: PoseFormat, weight_max: f32, weight_bits: u32) -> Result<PoseGrid> {
+        let PoseRow { bits, rounds_sums, .. } = *pose.row();
+        let rounds = bits < i32::BITS || self.coarsest.is_some();
+        let mut grid = PoseGrid {
+            weight_bits,
+            weight_max,
+            units: [0.0; POSE_FLOATS],
+            offsets: [0.0; POSE_FLOATS],
+            rounds_sums,
+            rounds_terms: rounds && !rounds_sums,
+            raised: [0; TRIPLES],
+            decoding: [0.0; TRIPLES],
+        };
+        (0..TRIPLES).try_for_each(|triple| self.place_triple(triple, pose, &mut grid))?;
+        Ok(grid)
     }
 
     /// Finds the offsets of a triple, and the finest unit in which a pose holds what its components reach.
-    fn place(&self, triple: usize, pose: PoseFormat, grid: &mut PoseGrid) -> Result<()> {
+    fn place_triple(&self, triple: usize, pose: PoseFormat, grid: &mut PoseGrid) -> Result<()> {
         let bits = pose.row().bits;
         let product = f64::from(self.steps[triple]) * f64::from(grid.weight_step());
         let components = triple * TRIPLE..(triple + 1) * TRIPLE;
-        let mut half = 0.0f64;
+        let (mut half, mut farthest) = (0.0f64, 0.0f64);
         for c in components.clone() {
             let [low, high] = self.bounds(c, weight_steps(grid.weight_max, grid.weight_bits) * product);
             let offset = ((low + high) / 2.0) as f32;
             half = half.max(high - f64::from(offset)).max(f64::from(offset) - low);
+            farthest = farthest.max(high).max(-low);
             grid.offsets[c] = offset;
         }
+        // One ulp for the integer as a float, and one for the sum, since Vulkan fixes no rounding mode.
+        grid.decoding[triple] = 3f64.sqrt() * f64::from(f32::EPSILON) * (half + farthest);
         // The base pose, and each target that moves a component, may round it by half a unit. A unit is at least as
         // coarse as a product.
         let roundings = if grid.rounds_sums { 1 } else { self.targets + 1 };
@@ -302,7 +334,10 @@ impl Sums {
         let Some(dropped) = dropped else {
             let (targets, reach) = (self.targets, half / f64::from(self.steps[triple]));
             let what = format!("of which {targets} targets move a vertex, {reach:.0} steps from the middle at most");
-            return refuse(format!("{} poses of a mesh {what}", pose.name()), "use float32 poses");
+            return refuse(
+                format!("{} poses of a mesh {what}", pose.name()),
+                "use float32 poses, or pack with larger errors",
+            );
         };
         if rounds && self.coarsest.is_none() {
             grid.raised[triple] = DROPPED - dropped;
@@ -327,18 +362,16 @@ impl Sums {
         }
     }
 
-    /// The error for sums that start from `base`, at weights up to `weight_max`, above `most`.
-    fn overflow(&self, weight_max: f32, base: f64, most: f64) -> Error {
-        let largest = self.largest.sum * f64::from(weight_max) + base;
+    /// The error for these largest numbers of the mesh, at weights up to `weight_max`, above `most`.
+    fn overflow(&self, weight_max: f32, Largest { sum, base }: Largest, most: f64) -> Error {
         let room = most / f64::from(1u32 << WEIGHT_BITS.start());
-        let factor = (largest / room).log2().ceil().exp2();
+        let factor = ((sum * f64::from(weight_max) + base) / room).log2().ceil().exp2();
         let error = |step: f32| f64::from(step) * 0.75f64.sqrt();
         let [length, angle] = self.steps.map(error);
         let now = format!("now {length:.1e} in length and {:.2}° at most", angle.to_degrees());
         let fit = format!(
-            "a vertex is up to {base:.0} steps from the middle and adds up to {:.0}, {room:.0} fit weights up to \
-             {weight_max}",
-            self.largest.sum
+            "a vertex is up to {base:.0} steps from the middle and adds up to {sum:.0}, {room:.0} fit weights up to \
+             {weight_max}"
         );
         let remedy = format!(
             "use float32 poses, pack with errors {factor} times as large ({now}), or use a smaller largest weight"

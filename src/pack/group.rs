@@ -2,7 +2,7 @@
 
 use super::blocks::{BlockIndex, PoseGrid};
 use super::formats::{DenseFormat, with_format};
-use super::grid::{Sums, directions, refused};
+use super::grid::{MeshSums, directions, refused};
 use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source, VERTEX_PADDING, stream_errors};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
 use crate::error::{Error, Result, ensure};
@@ -152,8 +152,8 @@ pub struct PackedLayout {
     pub indices: Arc<[u32]>,
     /// The blocks; `None` in dense formats.
     pub blocks: Option<Arc<BlockIndex>>,
-    /// Bounds on integer sums (dense formats with integer deltas).
-    pub(crate) sums: Option<Sums>,
+    /// Bounds on integer sums; `None` in dense formats without integers.
+    pub(crate) sums: Option<MeshSums>,
 }
 
 impl PackedLayout {
@@ -181,26 +181,27 @@ impl PackedLayout {
     }
 
     /// The grid of fixed-point poses for weights up to `weight_max` in absolute value. `None`: 1 for 16-bit poses, the
-    /// mesh's packed value ([`BlockDesc::weight_max`](super::blocks::BlockDesc::weight_max)) for 32-bit poses.
+    /// mesh's packed value ([`BlockDesc::weight_max`](super::blocks::BlockDesc::weight_max)) for 32-bit poses. All
+    /// groups of a mesh have one grid of weights, which follows from all of them, and units of their own.
     ///
     /// # Errors
-    /// Float32 deltas or poses; a `weight_max` that is not positive or too large; block formats: errors of
-    /// [`BlockIndex::grid`].
+    /// Float32 deltas or poses; a `weight_max` that is not positive or too large; in any group of the mesh, sums that
+    /// could overflow because it, or deltas relative to their step, are too large (the message names a position error
+    /// that would do).
     pub fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
-        match (&self.blocks, &self.sums) {
-            (Some(index), _) => index.grid(pose, weight_max),
-            (None, Some(sums)) => sums.grid(pose, weight_max),
-            (None, None) => Err(refused(self.format, pose)),
-        }
+        let sums = self.sums.as_ref().ok_or_else(|| refused(self.format, pose))?;
+        sums.grid(pose, weight_max)
     }
 
     /// Updates what depends on the base pose.
     pub(super) fn take_base(&mut self, base: &[f32]) {
+        let mut size = VERTEX_PADDING;
         if let Some(index) = &mut self.blocks {
+            size = index.size();
             Arc::make_mut(index).take_base(base);
         }
         if let Some(sums) = &mut self.sums {
-            sums.take_base(base, self.vertex_count, VERTEX_PADDING);
+            Arc::make_mut(&mut sums.all)[sums.group].take_base(base, self.vertex_count, size);
         }
     }
 

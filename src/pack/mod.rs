@@ -24,7 +24,7 @@ pub(crate) use error::stream_errors;
 pub use formats::DeltaFormat;
 use formats::with_format;
 use glam::{Vec2, Vec3};
-use grid::Largest;
+use grid::{MeshSums, Sums};
 pub use group::{PackedGroup, PackedLayout, PackedTarget};
 pub use poses::PoseFormat;
 pub(crate) use source::Source;
@@ -126,19 +126,19 @@ impl PackedMesh {
         Ok(packed)
     }
 
-    /// A mesh of at least one group. All groups share the grid of weights, on which no sum of any group may overflow.
+    /// A mesh of at least one group.
     fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
-        Self::share_largest(&mut groups);
+        Self::share_sums(&mut groups);
         Self { groups }
     }
 
-    fn share_largest(groups: &mut [PackedGroup]) {
-        let of_group = |group: &PackedGroup| group.layout.blocks.as_ref().map(|index| index.sums.largest);
-        let largest = groups.iter().filter_map(of_group).fold(Largest::default(), Largest::max);
-        for index in groups.iter_mut().filter_map(|group| group.layout.blocks.as_mut()) {
-            if index.sums.largest != largest {
-                Arc::make_mut(index).sums.largest = largest;
-            }
+    /// Tells each group the bounds on the integer sums of all: they share the grid of weights, on which no sum of any
+    /// group may overflow.
+    fn share_sums(groups: &mut [PackedGroup]) {
+        let own = |group: &PackedGroup| group.layout.sums.as_ref().map(|sums| sums.all[sums.group].clone());
+        let all: Option<Arc<[Sums]>> = groups.iter().map(own).collect();
+        for (group, PackedGroup { layout, .. }) in groups.iter_mut().enumerate() {
+            layout.sums = all.clone().map(|all| MeshSums { all, group });
         }
     }
 
@@ -191,7 +191,7 @@ impl PackedMesh {
         }
         layout.take_base(base);
         self.groups.iter_mut().for_each(|group| group.layout.origin += middle);
-        Self::share_largest(&mut self.groups);
+        Self::share_sums(&mut self.groups);
     }
 
     /// Position and normal, then groups of further streams.

@@ -31,8 +31,9 @@ struct Reach {
 ///
 /// Vertices are taken in groups of 256 neighbours. A group has the bounds of its base pose and, for each target that
 /// moves it, the smallest and largest delta along each axis; interval arithmetic adds them for given weights. All of it
-/// is exact in double precision, except sums, whose rounding is added; bounds are rounded outward to float32. No pose
-/// exceeds its bounds, which are somewhat too large if the vertices of a group move apart.
+/// is exact in double precision, except sums, whose rounding is added, and that of fixed-point poses and of decoding them
+/// ([`PoseGrid::position_error`]); bounds are rounded outward to float32. No pose exceeds its bounds, which are somewhat
+/// too large if the vertices of a group move apart.
 ///
 /// Takes 28 bytes and one step of work for each pair of a group and a target that moves it.
 #[derive(Clone, Debug)]
@@ -103,12 +104,10 @@ impl WeightBounds {
     #[must_use]
     pub fn of(&self, weights: &[f32], bound: f32) -> Bounds {
         let weights: Vec<f64> = weights.iter().take(self.targets).map(|w| f64::from(self.rounded(*w))).collect();
-        // `bound` may include the rounding of fixed-point terms, too.
+        // `bound` may include what rounding fixed-point terms and decoding add, too.
         let active = weights.iter().filter(|weight| **weight != 0.0).count();
         let rounding = self.grid.map_or(0.0, |grid| grid.position_error(active));
         let slack = f64::from(bound.max(rounding)) + f64::from(self.budget);
-        // Draws decode integers in float32.
-        let decoding = if self.grid.is_some() { f64::from(f32::EPSILON) } else { 0.0 };
         let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         let mut first = 0;
         for &(base_low, base_high, end) in &self.groups {
@@ -133,7 +132,7 @@ impl WeightBounds {
                 (largest, terms) = (largest + most, terms + 1.0);
             }
             first = end;
-            let slack = slack + largest * (terms * f64::EPSILON + decoding);
+            let slack = slack + largest * terms * f64::EPSILON;
             for axis in 0..3 {
                 min[axis] = min[axis].min(low[axis] - slack);
                 max[axis] = max[axis].max(high[axis] + slack);
@@ -159,10 +158,13 @@ fn extend<T: Copy>((low, high): &mut ([f32; 3], [f32; 3]), point: [T; 3], both: 
 mod tests {
     use super::*;
     use crate::asset::Tolerance;
+    use crate::cpu::CpuCrowd;
     use crate::pack::{DeltaFormat, PackDesc, PoseFormat};
+    use crate::plan::{BatchSize, UpdatePath};
     use crate::reference::evaluate;
     use crate::testing::head;
     use deltamorph_head::{HeadDesc, Rng};
+    use std::sync::Arc;
 
     /// 10^5 random poses of small meshes, with few or all weights active, small and large: none exceeds its bounds, not
     /// by the last bit. Poses of weights rounded to a grid stay within the bounds of the requested weights.
@@ -203,6 +205,31 @@ mod tests {
             }
         }
         assert!(tight > 200_000, "{tight} of 300,000 are less than half as large again; at most {looseness} times");
+    }
+
+    /// Poses as they are decoded, in which a vertex far off takes the offset far from all others.
+    #[test]
+    fn no_decoded_pose_exceeds_its_bounds() {
+        let mut mesh =
+            head(&HeadDesc::default().vertices(500).targets(6)).to_mesh(Tolerance::default()).expect("a mesh");
+        mesh.positions[0].x += 200.0 * mesh.diagonal;
+        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that fits"));
+        let mut rng = Rng::new(17, 0);
+        for pose in [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16] {
+            let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose);
+            let bounds = WeightBounds::new(&packed, &update).expect("a grid");
+            let mut crowd = CpuCrowd::new(packed.clone(), update, 1, 1).expect("a crowd");
+            for _ in 0..50 {
+                let weights: [f32; 6] = std::array::from_fn(|_| rng.range(-1.0, 1.0));
+                crowd.set_weights(0, &weights).expect("weights");
+                let found = bounds.of(&weights, crowd.update().bound);
+                let decoded = packed.layout().to_user_order(&crowd.pose(0).expect("a pose"));
+                for (axis, x) in decoded.iter().enumerate().map(|(i, x)| (i % POSE_FLOATS, *x)).filter(|(i, _)| *i < 3)
+                {
+                    assert!(found.min[axis] <= x && x <= found.max[axis], "{pose:?}, axis {axis}: {x} of {found:?}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -37,8 +37,8 @@ pub struct UpdateStats {
     pub dirty_blocks: usize,
     /// Blocks that started from the base pose, of `dirty_blocks`.
     pub rebuilt_blocks: usize,
-    /// Bound on the position error so far from float32 accumulation or rounding to 16 bits, in input units; 0 for
-    /// 32-bit fixed-point poses.
+    /// Bound on the position error so far, in input units: from float32 accumulation in block formats, or from rounding
+    /// fixed-point poses to their units and decoding them in single precision.
     pub bound: f32,
     /// Bytes loaded and stored, in all groups of the mesh. Direct paths: of one draw of every instance, every frame.
     /// Path `texture`: of the update, without the draws.

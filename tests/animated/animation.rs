@@ -4,7 +4,8 @@ use crate::gpu;
 use crate::scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_streams};
 use crate::testing;
 use deltamorph::{
-    AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, UpdateMode,
+    AnimationDesc, CpuCrowd, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat,
+    UpdateMode, UpdatePath,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
@@ -105,6 +106,48 @@ fn every_stream_is_animated() {
             }
         }
     });
+}
+
+/// Streams of very different ranges: what the device plans, what the host plans and what the processor updates are the
+/// same in every group.
+#[test]
+fn groups_of_very_different_ranges_are_animated_alike() {
+    for driver in gpu::drivers() {
+        gpu::on_device(&driver, false, |headless, _| {
+            let (cases, mut compared) = (testing::cases(16), 0);
+            for (seed, pose) in (0..cases).flat_map(|seed| FIXED.map(|pose| (seed, pose))) {
+                let format = [DeltaFormat::Small, DeltaFormat::Fast, DeltaFormat::Pair][seed as usize % 3];
+                let mesh = PackedMesh::pack(&testing::uneven(seed), &PackDesc::new(format)).expect("a mesh that packs");
+                let (mesh, update) = (Arc::new(mesh), fixed(pose, 2));
+                // Integers cannot hold everything.
+                if update.grid(mesh.layout()).is_err() {
+                    continue;
+                }
+                let mut state = seed as u32;
+                let weights = mesh.layout().targets.iter().map(|_| dice(&mut state, 2001) as f32 / 1000.0 - 1.0);
+                let weights: Vec<f32> = weights.collect();
+                let clips = [gpu::clip(&mesh, 30.0, weights.clone())];
+                let (desc, clips) = (CrowdDesc::new(update), AnimationDesc::new(&clips));
+                let mut animated = HeadlessCrowd::animated(headless, &mesh, &desc, &clips).expect("a crowd");
+                animated.play(0, &Playback::new(0)).expect("a clip");
+                animated.step(&[]).expect("a step");
+                let mut planned = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+                planned.step(&[&weights]).expect("a step");
+                let mut on_cpu = CpuCrowd::new(mesh.clone(), update.path(UpdatePath::Cpu), 1, 1).expect("a crowd");
+                on_cpu.set_weights(0, &weights).expect("weights");
+                on_cpu.update();
+                for group in 0..mesh.groups().len() {
+                    let expected = on_cpu.stored_pose(0, group).expect("a pose");
+                    let what = format!("mesh {seed}, {format:?}, {pose:?}, group {group} on {driver}");
+                    assert!(planned.read_stored(0, group).expect("a pose") == expected, "planned by the host: {what}");
+                    assert!(animated.read_stored(0, group).expect("a pose") == expected, "animated: {what}");
+                }
+                compared += 1;
+            }
+            println!("{driver}: {compared} crowds of {cases} meshes are alike");
+            assert!(compared > cases, "{compared} of {cases} meshes, in three formats");
+        });
+    }
 }
 
 /// Groups and dispatches are split where the device's limits require it.

@@ -79,6 +79,27 @@ pub fn with_streams(mut mesh: MorphMesh) -> MorphMesh {
     mesh
 }
 
+/// A mesh whose groups reach very different ranges, determined by `seed`: a vertex far from the others, texture
+/// coordinates of many tiles, bright colours, or none of these.
+pub fn uneven(seed: u64) -> MorphMesh {
+    let dice = |salt: u64, sides: f32| ((noise(seed * 16 + salt) + 1.0) / 2.0 * sides) as usize;
+    let (vertices, targets) = ([40, 130, 300][dice(1, 3.0)], [3, 12, 60][dice(2, 3.0)]);
+    let mut mesh = with_streams(mesh(vertices, targets));
+    mesh.positions[vertices / 2] += vector(seed) * 10f32.powi(dice(3, 5.0) as i32);
+    for (s, stream) in (0..).zip(&mut mesh.streams).filter(|(_, stream)| stream.semantic != Semantic::Tangent) {
+        let [range, moved] = [10f32.powi(dice(4 + s, 5.0) as i32 - 1), 4f32.powi(dice(8 + s, 4.0) as i32)];
+        stream.values.iter_mut().for_each(|value| *value *= range);
+        let deltas = mesh.targets.iter_mut().flat_map(|target| &mut target.streams[s as usize].deltas);
+        deltas.for_each(|delta| *delta *= moved.min(range));
+    }
+    mesh
+}
+
+/// How many random meshes a test tries: `default`, unless PROPTEST_CASES says how many.
+pub fn cases(default: u64) -> u64 {
+    std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(default)
+}
+
 /// Meshes that have next to nothing: of one vertex, without targets, with more targets than vertices, with nothing but
 /// empty targets.
 pub fn degenerate() -> Vec<MorphMesh> {

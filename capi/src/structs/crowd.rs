@@ -151,7 +151,7 @@ pub struct DmTicket {
 pub struct DmUpdate {
     /// sizeof(DmUpdate).
     pub struct_size: u32,
-    /// Bound on the position error that accumulation or rounding may have caused so far, in input units.
+    /// Bound on the position error that accumulation, or rounding and decoding, may have caused so far, in input units.
     pub bound: f32,
     /// Ticket for `dm_crowd_discard`, should the command buffer never run.
     pub ticket: DmTicket,

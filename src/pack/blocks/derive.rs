@@ -12,27 +12,27 @@ use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
 
 impl BlockIndex {
-    /// Checks `parts` against words and base pose, and derives the tables of planning.
+    /// Checks `parts` against words and base pose, and derives the tables of planning and the bounds on integer sums; both
+    /// without what depends on the base pose ([`PackedLayout::take_base`](crate::PackedLayout)).
     pub(crate) fn new(
         parts: Parts,
         targets: usize,
         streams: &[StreamPlace],
         words: &[u32],
         base: &[f32],
-    ) -> Result<Self, String> {
+    ) -> Result<(Self, Sums), String> {
         let entries = parts.entry_target.len();
         let blocks = parts.first_entry.len().saturating_sub(1);
         let format = parts.format.block_format().ok_or("a dense format")?;
         let headers = entries.saturating_mul(format.header_words());
         let reached = vec![Reached::default(); blocks];
-        let sums = Sums::new(parts.format, parts.steps, streams, reached, parts.weight_max);
+        let mut sums = Sums::new(parts.format, parts.steps, streams, reached, parts.weight_max);
         let lengths = streams.iter().find(|s| s.semantic.measure() == Measure::Length);
         let mut index = Self {
             parts,
             deltas_at: headers.next_multiple_of(4),
             words: words.len(),
             lengths: lengths.map_or(0..0, StreamPlace::components),
-            sums,
             costs: vec![],
             first_incidence: vec![],
             incidence: vec![],
@@ -40,18 +40,17 @@ impl BlockIndex {
             block_reach: vec![0.0; blocks],
         };
         index.check(format, targets, words, base)?;
-        index.derive(format, targets, words, base)?;
-        Ok(index)
+        index.derive(format, targets, words, &mut sums)?;
+        Ok((index, sums))
     }
 
-    /// Updates what depends on the base pose: bounds on drift, and on integers.
+    /// Updates what depends on the base pose: bounds on drift.
     pub(crate) fn take_base(&mut self, base: &[f32]) {
         let size = self.size();
         for (largest, vertices) in self.block_base.iter_mut().zip(base.chunks_exact(size * POSE_FLOATS)) {
             let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[self.lengths.clone()]);
             *largest = positions.fold(0.0, |m: f32, p| m.max(p.abs()));
         }
-        self.sums.take_base(base, self.parts.order.len(), size);
     }
 
     fn check(&self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
@@ -110,7 +109,13 @@ impl BlockIndex {
         format.check_deltas(&words[self.deltas_at..])
     }
 
-    fn derive(&mut self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
+    fn derive(
+        &mut self,
+        format: &dyn BlockFormat,
+        targets: usize,
+        words: &[u32],
+        of_mesh: &mut Sums,
+    ) -> Result<(), String> {
         let lengths = self.lengths.clone();
         let size = self.size();
         let mut costs = Vec::with_capacity(self.entry_count());
@@ -121,23 +126,28 @@ impl BlockIndex {
             for entry in self.entries(block) {
                 let mut reach = 0.0f64;
                 let mut lanes = [u8::MAX, 0];
+                let mut moved = [false; TRIPLES];
                 self.for_each_lane(words, entry, &mut |lane, delta| {
                     sums[lane].iter_mut().zip(delta).for_each(|(sum, value)| *sum += value.abs());
                     if delta != [0.0; POSE_FLOATS] {
                         let first = lane as u8 & !7;
                         lanes = [lanes[0].min(first), first + 8];
+                        delta.iter().enumerate().for_each(|(c, value)| moved[c / TRIPLE] |= *value != 0.0);
                     }
                     reach = reach.max(delta[lengths.clone()].iter().map(|d| d * d).sum::<f64>());
                 });
                 // Rounded up, since bounds are computed from it.
                 let reach = if lengths.is_empty() { 0.0 } else { (reach.sqrt() as f32).next_up() };
                 let (header, deltas) = self.locate(format, words, entry);
+                // Kernels shift by a number that only sums limit: nothing limits that of zeros.
+                let fits = format.shifts(header).into_iter().zip(moved).all(|(shift, moved)| moved || shift == 0);
+                ensure!(fits, format!("entry {entry} shifts numbers that are all 0"));
                 let bytes = 4 * (header.len() + deltas.len()) as u32;
                 costs.push(EntryCost { bytes, reach, lanes });
                 self.block_reach[block] += reach;
             }
             for sums in &sums {
-                for (c, largest) in self.sums.reached[block].sums.iter_mut().enumerate() {
+                for (c, largest) in of_mesh.reached[block].sums.iter_mut().enumerate() {
                     *largest = largest.max(sums[c] / f64::from(self.parts.steps[c / TRIPLE]));
                 }
             }
@@ -149,7 +159,6 @@ impl BlockIndex {
             ensure!(stay, format!("block {block} moves vertices that the mesh does not have"));
         }
         self.costs = costs;
-        self.take_base(base);
         // By target; blocks stay ascending, since entries are in block order.
         let target_of = |incidence: &Incidence| self.parts.entry_target[incidence.entry as usize];
         let in_block = |block| self.entries(block).map(move |e| Incidence { block: block as u32, entry: e as u32 });
@@ -158,7 +167,7 @@ impl BlockIndex {
         let first = |target| incidence.partition_point(|one| (target_of(one) as usize) < target) as u32;
         self.first_incidence = (0..=targets).map(first).collect();
         self.incidence = incidence;
-        self.sums.targets = (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0);
+        of_mesh.targets = (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0);
         Ok(())
     }
 }

@@ -19,11 +19,9 @@ pub use super::grid::PoseGrid;
 pub(super) use pack::pack;
 
 use super::formats::{BlockFormat, with_format};
-use super::grid::Sums;
 use super::order::inverse;
-use super::{DeltaFormat, POSE_FLOATS, PoseError, PoseFormat};
+use super::{DeltaFormat, POSE_FLOATS, PoseError};
 use crate::asset::streams::{TRIPLE, TRIPLES};
-use crate::error::Result;
 use crate::setters::setters;
 use std::ops::Range;
 use std::sync::Arc;
@@ -95,7 +93,6 @@ pub struct BlockIndex {
     words: usize,
     /// The position components.
     lengths: Range<usize>,
-    pub(super) sums: Sums,
     pub(crate) costs: Vec<EntryCost>,
     first_incidence: Vec<u32>,
     incidence: Vec<Incidence>,
@@ -136,16 +133,6 @@ impl BlockIndex {
     /// Number of blocks that any target touches.
     pub fn touched(&self) -> usize {
         (0..self.count()).filter(|&b| !self.entries(b).is_empty()).count()
-    }
-
-    /// The grid of fixed-point poses for weights up to `weight_max` in absolute value. `None`: 1 for 16-bit poses, the
-    /// mesh's packed value ([`BlockDesc::weight_max`]) for 32-bit poses.
-    ///
-    /// # Errors
-    /// Format `block-float32`; float32 poses; a `weight_max` that is not positive; sums that could overflow because it,
-    /// or deltas relative to their step, are too large (the message names a position error that would do).
-    pub fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
-        self.sums.grid(pose, weight_max)
     }
 
     /// Packed → user vertex order.

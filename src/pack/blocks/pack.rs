@@ -7,6 +7,7 @@ use crate::error::{Error, Result, ensure};
 use crate::math::angle_degrees;
 use crate::pack::alike;
 use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane, quantise, small};
+use crate::pack::grid::MeshSums;
 use crate::pack::order::{inverse, keep_welded, order_groups};
 use crate::pack::source::{largest, sort};
 use crate::pack::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, PoseError, Source, VERTEX_PADDING};
@@ -289,8 +290,8 @@ impl PackedGroup {
         let normal_exponent = (normal_step / position_step).log2().clamp(-100.0, 100.0) as i8;
         let target = |name: &str| PackedTarget { name: name.to_owned(), position_step, normal_exponent };
         let targets: Vec<_> = targets.map(target).collect();
-        let index = BlockIndex::new(parts, targets.len(), &streams, &words, &base)?;
-        let layout = PackedLayout {
+        let (index, sums) = BlockIndex::new(parts, targets.len(), &streams, &words, &base)?;
+        let mut layout = PackedLayout {
             name: name.to_owned(),
             format: index.parts.format,
             streams,
@@ -301,8 +302,9 @@ impl PackedGroup {
             targets,
             indices: Arc::default(),
             blocks: Some(Arc::new(index)),
-            sums: None,
+            sums: Some(MeshSums::of(sums)),
         };
+        layout.take_base(&base);
         Ok(Self { layout, base, words })
     }
 }

@@ -53,14 +53,14 @@ fn a_grid_is_refused_where_sums_could_overflow() {
         let blocks = BlockDesc { position_error, weight_max: 1e5, ..BlockDesc::default() };
         PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(DeltaFormat::Small) }).unwrap()
     };
-    let index = pack(1e-5).layout().blocks.clone().unwrap();
-    let text = index.grid(PoseFormat::Fixed32, None).unwrap_err().to_string();
+    let layout = pack(1e-5).layout().clone();
+    let text = layout.grid(PoseFormat::Fixed32, None).unwrap_err().to_string();
     let factor: f32 = text.split("errors ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!(text.contains("could overflow"), "{text}");
     // The remedy works.
-    let grid = pack(1e-5 * factor).layout().blocks.clone().unwrap().grid(PoseFormat::Fixed32, None).unwrap();
+    let grid = pack(1e-5 * factor).layout().grid(PoseFormat::Fixed32, None).unwrap();
     assert!(grid.weight_bits >= 7 && grid.weight_max == 1e5 && grid.position_error(3) == grid.position_error(0));
-    let grid = |pose, weight_max| index.grid(pose, weight_max);
+    let grid = |pose, weight_max| layout.grid(pose, weight_max);
     for (pose, weight_max) in [
         (PoseFormat::Fixed32, Some(0.0)),
         (PoseFormat::Fixed32, Some(f32::NAN)),
@@ -70,7 +70,7 @@ fn a_grid_is_refused_where_sums_could_overflow() {
         assert!(grid(pose, weight_max).is_err(), "{pose:?} {weight_max:?}");
     }
     let (_, floats) = packed(DeltaFormat::BlockFloat32, 64);
-    assert!(floats.layout().blocks.clone().unwrap().grid(PoseFormat::Fixed32, None).is_err());
+    assert!(floats.layout().grid(PoseFormat::Fixed32, None).is_err());
 }
 
 /// Largest weights, with the signs of one component's deltas: the largest possible sum.
@@ -84,7 +84,7 @@ fn the_largest_sums_fit_the_integers_of_a_pose_and_half_of_them_would_not_be_nee
         (PoseFormat::Rebuilt16, f64::from(i16::MAX)),
     ] {
         for weight_max in [0.3, 1.0, 1.5, 4.0] {
-            let grid = index.grid(pose, Some(weight_max)).unwrap();
+            let grid = packed.layout().grid(pose, Some(weight_max)).unwrap();
             let steps = f64::from(grid.steps(weight_max));
             let unit = if pose == PoseFormat::Fixed32 { 1.0 } else { f64::from(1u32 << DROPPED) };
             let mut largest = [0f64; POSE_FLOATS];

@@ -51,7 +51,7 @@ fn message(bytes: &[u8]) -> String {
 
 #[test]
 fn a_mesh_that_is_far_is_recentred_in_memory_and_not_in_the_file() {
-    let mut far = mesh(70, 4);
+    let mut far = testing::with_streams(mesh(70, 4));
     far.positions.iter_mut().for_each(|p| *p += Vec3::new(5000.0, 0.1, -900.0));
     let mut near = far.clone();
     near.recentre();

@@ -206,6 +206,7 @@ mod tests {
             rounds_sums,
             rounds_terms: false,
             raised: [0; TRIPLES],
+            decoding: [0.0; TRIPLES],
         };
         let exact = grid(false);
         let decoded: Vec<f32> = (0..12).map(|i| exact.offsets[i % 6] + (i as f32 - 6.0) * exact.units[i % 6]).collect();

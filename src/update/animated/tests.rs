@@ -19,7 +19,7 @@ fn mesh() -> PackedMesh {
 }
 
 fn grid() -> PoseGrid {
-    mesh().layout().index().unwrap().grid(PoseFormat::Fixed32, None).unwrap()
+    mesh().layout().grid(PoseFormat::Fixed32, None).unwrap()
 }
 
 fn clip(frames: usize, fps: f32, value: impl Fn(usize, usize) -> f32) -> WeightClip {

@@ -162,7 +162,7 @@ pub struct Tiles {
 impl Tiles {
     /// Reserves room for every block of `instances`, and `padding` tiles per kernel.
     pub fn new(index: &BlockIndex, instances: usize, device: DeviceTuning, padding: usize) -> Self {
-        let blocks = index.count() * instances;
+        let blocks = index.count().saturating_mul(instances);
         Self {
             items: std::array::from_fn(|kernel| Vec::with_capacity((blocks >> (kernel % WIDTHS)) + padding)),
             rows: Vec::with_capacity(Self::words_max(index, instances)),
@@ -176,7 +176,7 @@ impl Tiles {
     /// Most words of rows: two per entry and instance (fewer in wide tiles), plus alignment, which is largest in tiles
     /// of one and two.
     pub fn words_max(index: &BlockIndex, instances: usize) -> usize {
-        (2 * index.entry_count() + ALIGN * index.count()) * instances
+        (2 * index.entry_count() + ALIGN * index.count()).saturating_mul(instances)
     }
 
     /// Removes all tiles.

@@ -39,8 +39,8 @@ impl WorkList {
     /// Empty, with room for every block of `instances`: filling it never allocates.
     pub fn new(index: &BlockIndex, instances: usize) -> Self {
         Self {
-            items: Vec::with_capacity(index.count() * instances),
-            elements: vec![Element::default(); index.entry_count() * instances],
+            items: Vec::with_capacity(index.count().saturating_mul(instances)),
+            elements: vec![Element::default(); index.entry_count().saturating_mul(instances)],
         }
     }
 

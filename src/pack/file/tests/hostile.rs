@@ -183,6 +183,11 @@ fn contents_are_checked_under_valid_checksums() {
     ] {
         assert_says(&streams, place, word, value, part);
     }
+    // Numbers that are all 0, shifted.
+    let mut still = mesh(70, 4);
+    still.targets.iter_mut().for_each(|target| target.normals.fill(Vec3::ZERO));
+    let still = Asset::pack(&still, &PackDesc::new(DeltaFormat::Fast)).unwrap();
+    assert_says(&still, (WORDS, 0), 0, 1 << 8, "entry 0 shifts numbers that are all 0");
     // Welds to a later vertex, to a welded one, out of range; too few of them.
     let (mesh, split) = split_head(DeltaFormat::Fast);
     let (doubled, of) = (mesh.welds.len() - 1, mesh.welds[mesh.welds.len() - 1]);
