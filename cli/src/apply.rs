@@ -39,7 +39,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         passes += step.stats.passes;
     }
     checks.verdict(out)?;
-    let pose = runner.pose(0)?;
+    let pose = runner.pose(0, 0)?;
     // `frames` ensures at least one frame.
     let weights = frames.last().map_or(&[][..], Vec::as_slice);
     write(output, &input.kept, run.input.input.as_deref().is_some_and(is_gltf), &pose)?;

@@ -95,8 +95,9 @@ fn read_pose<C: AnyCrowd + 'static>(
     instances: u32,
     crowds: &mut [HeadlessCrowd<'_, C>],
     head: u32,
+    group: usize,
 ) -> deltamorph::Result<Vec<f32>> {
-    crowds[(head / instances) as usize].read_pose(head % instances)
+    crowds[(head / instances) as usize].read_group_pose(head % instances, group)
 }
 
 /// Instances updated by one path.
@@ -242,22 +243,12 @@ impl<'a> Runner<'a> {
         Ok(Frame { stats: update.stats, gpu_ms, draw_ms, upload_ms: None, cpu_ms })
     }
 
-    /// The pose of an instance, six floats per vertex, in input order.
-    pub fn pose(&mut self, head: u32) -> deltamorph::Result<Vec<f32>> {
+    /// The pose of an instance in a group of the mesh, six floats per vertex, in input order.
+    pub fn pose(&mut self, head: u32, group: usize) -> deltamorph::Result<Vec<f32>> {
         match self {
-            Self::Gpu(crowds) => read_pose(crowds[0].crowd().desc().instances, crowds, head),
-            Self::Animated { crowds, .. } => read_pose(crowds[0].crowd().desc().instances, crowds, head),
-            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.pose(head)?)),
-        }
-    }
-
-    /// The pose of the first instance in a group of the mesh, six floats per vertex, in input order.
-    pub fn group_pose(&mut self, group: usize) -> deltamorph::Result<Vec<f32>> {
-        match self {
-            _ if group == 0 => self.pose(0),
-            Self::Gpu(crowds) => Ok(crowds[0].read_group(0, group)?.0),
-            Self::Animated { crowds, .. } => Ok(crowds[0].read_group(0, group)?.0),
-            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.group_pose(0, group)?)),
+            Self::Gpu(crowds) => read_pose(crowds[0].crowd().desc().instances, crowds, head, group),
+            Self::Animated { crowds, .. } => read_pose(crowds[0].crowd().desc().instances, crowds, head, group),
+            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.group_pose(head, group)?)),
         }
     }
 
@@ -275,9 +266,9 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The integers of the first instance in a group of the mesh: those of its pose, stored in `format`, or the integer
-    /// sums of its path; `None` if all is float32.
-    pub fn integers(&mut self, format: PoseFormat, group: usize) -> deltamorph::Result<Option<Vec<i32>>> {
+    /// The integers of the first instance: those of its pose, stored in `format`, or the integer sums of its path;
+    /// `None` if all is float32.
+    pub fn integers(&mut self, format: PoseFormat) -> deltamorph::Result<Option<Vec<i32>>> {
         if !format.has_integers() {
             return match self {
                 Self::Gpu(crowds) => crowds[0].read_sums(0),
@@ -285,9 +276,9 @@ impl<'a> Runner<'a> {
             };
         }
         let stored = match self {
-            Self::Gpu(crowds) => crowds[0].read_stored(0, group)?,
-            Self::Animated { crowds, .. } => crowds[0].read_stored(0, group)?,
-            Self::Cpu(crowd, _) => crowd.stored_pose(0, group)?.to_vec(),
+            Self::Gpu(crowds) => crowds[0].read_stored(0, 0)?,
+            Self::Animated { crowds, .. } => crowds[0].read_stored(0, 0)?,
+            Self::Cpu(crowd, _) => crowd.stored_pose(0, 0)?.to_vec(),
         };
         Ok(Some(format.integers(&stored)))
     }

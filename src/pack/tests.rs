@@ -177,8 +177,8 @@ fn dense_sums_fit_the_integers_of_a_pose() {
     }
 }
 
-/// Streams of very different ranges, far from the origin or not: all groups have one grid of weights, the finest that each
-/// of them can place, and every component of a pose is as near to the exact sum as is stated.
+/// Streams of very different ranges, far from the origin or not: all groups have one grid of weights, the finest that
+/// each of them can place, and every component of a pose is as near to the exact sum as is stated.
 #[test]
 fn groups_share_their_weights_and_keep_their_bounds() {
     let (mut taken, mut differing) = (0, vec![]);

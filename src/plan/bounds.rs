@@ -31,9 +31,9 @@ struct Reach {
 ///
 /// Vertices are taken in groups of 256 neighbours. A group has the bounds of its base pose and, for each target that
 /// moves it, the smallest and largest delta along each axis; interval arithmetic adds them for given weights. All of it
-/// is exact in double precision, except sums, whose rounding is added, and that of fixed-point poses and of decoding them
-/// ([`PoseGrid::position_error`]); bounds are rounded outward to float32. No pose exceeds its bounds, which are somewhat
-/// too large if the vertices of a group move apart.
+/// is exact in double precision, except sums, whose rounding is added, and that of fixed-point poses and of decoding
+/// them ([`PoseGrid::position_error`]); bounds are rounded outward to float32. No pose exceeds its bounds, which are
+/// somewhat too large if the vertices of a group move apart.
 ///
 /// Takes 28 bytes and one step of work for each pair of a group and a target that moves it.
 #[derive(Clone, Debug)]

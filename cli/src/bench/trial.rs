@@ -199,7 +199,7 @@ impl<'a> Trial<'a> {
             let first = part as u32 * each;
             let last = first + each - 1;
             for head in if first == last { vec![first] } else { vec![first, last] } {
-                let pose = self.runner.pose(head)?;
+                let pose = self.runner.pose(head, 0)?;
                 let weights = promise.applied(&all[head as usize]);
                 let reference = subject.reference(part, mesh, &weights);
                 let found = promise.find(&pose, &reference.packed, &weights);

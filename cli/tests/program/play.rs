@@ -1,7 +1,8 @@
 //! The commands that run many frames: `play` and `soak`.
 
+use crate::arm::{accessor, floats, write};
 use crate::cli::{HEAD, fails, json, refused, sample, without_drivers};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 fn has(object: &Value, fields: &str) {
     fields.split_whitespace().for_each(|f| assert!(object.get(f).is_some(), "{f} in {object}"));
@@ -47,7 +48,9 @@ fn play_keeps_its_contract_on_every_path() {
         assert!((summary["dense_bytes_mean"].as_f64().unwrap() - dense as f64 / 24.0).abs() < 1.0);
         let [error, bound] = ["rounding_error_rel", "bound_rel"].map(|field| summary[field].as_f64().unwrap());
         let is_patient = summary["error_budget"] != 0.0;
-        assert!((is_patient || error <= bound + 3e-6) && bound < 2e-4, "{summary}");
+        // No bound is kept on the drift of dense float32 poses.
+        let is_bounded = summary["format"] != "float32";
+        assert!((is_patient || error <= if is_bounded { bound } else { 3e-6 }) && bound < 2e-4, "{summary}");
         moved.push(summary["bytes_share"].as_f64().unwrap());
     }
     assert!(moved[0] < 0.5 * moved[1], "blocks move less than whole poses: {moved:?}");
@@ -74,6 +77,39 @@ fn a_device_plays_and_plans_a_clip() {
     let request = |summary: &Value| summary["max_error_rel"].as_f64().unwrap();
     assert!(request(summary) < request(told) + 2e-6, "{summary} {told}");
     refused(&["play", &dir, "--animated", "--path", "cpu"], 2, "--animated");
+}
+
+/// A face beside a floor, in one mesh: 16 bits that reach so far leave few to weights, and tangents follow the same.
+#[test]
+fn every_stream_is_compared_with_the_reference() {
+    let folder = tempfile::tempdir().unwrap();
+    let still = |numbers: &[f32]| floats(&[numbers, &[0.0; 9]].concat());
+    let parts = [
+        floats(&[0., 0., 0., 0.1, 0., 0., 0., 0.1, 0., -5., -1., -5., 5., -1., -5., 0., -1., 5.]),
+        floats(&[0.0f32, 0.0, 1.0].repeat(6)),
+        floats(&[1.0f32, 0.0, 0.0, 1.0].repeat(6)),
+        still(&[0., 0., 0.01, 0., 0., 0.02, 0., 0., 0.]),
+        still(&[0., 0.5, 0., 0., 0., 0.25, 0., 0.3, 0.]),
+        floats(&[0., 0.04]),
+        floats(&[0.7, 0.3]),
+    ];
+    let kinds = ["VEC3", "VEC3", "VEC4", "VEC3", "VEC3", "SCALAR", "SCALAR"];
+    let accessors: Vec<_> = (0..).zip(kinds).map(|(i, kind)| accessor(i, kind, if i < 5 { 6 } else { 2 })).collect();
+    let file = json!({
+        "accessors": accessors,
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2},
+            "targets": [{"POSITION": 3, "TANGENT": 4}]}]}],
+        "nodes": [{"mesh": 0}],
+        "animations": [{"samplers": [{"input": 5, "output": 6}],
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}]}],
+    });
+    let face = write(folder.path(), &parts, file);
+    for how in [&["--animated", "--device", "llvmpipe"][..], &["--device", "llvmpipe"], &["--path", "cpu"]] {
+        let play = ["play", &face, "--pose", "fixed16", "--format", "fast", "--every", "1", "--json", "-"];
+        let summary = json(&[&play, how].concat())["summary"].clone();
+        assert!(summary["streams_error"].as_f64().unwrap() < 1e-3, "{summary}");
+        assert!(summary["rounding_error_rel"].as_f64() <= summary["bound_rel"].as_f64(), "{summary}");
+    }
 }
 
 #[test]

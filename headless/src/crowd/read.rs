@@ -13,7 +13,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// Those of [`draw`](Self::draw); a direct path on a device that cannot capture.
     pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
-        self.read_current(instance, 0)
+        self.read_group_pose(instance, 0)
     }
 
     /// Reads an instance's previous pose back; `None` if the update had to overwrite it.
@@ -31,7 +31,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// Those of [`read_pose`](Self::read_pose); a group out of range.
     pub fn read_group(&mut self, instance: u32, group: usize) -> Result<(Vec<f32>, Option<Vec<f32>>)> {
-        let pose = self.read_current(instance, group)?;
+        let pose = self.read_group_pose(instance, group)?;
         let previous = self.crowd.base().previous_group_pose(instance, group)?;
         Ok((pose, previous.map(|view| self.read_view(view, group)).transpose()?))
     }
@@ -55,8 +55,12 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
     }
 
-    /// Reads an instance's pose in a group back, decoded, in the user's vertex order.
-    fn read_current(&mut self, instance: u32, group: usize) -> Result<Vec<f32>> {
+    /// Reads the pose of an instance back, in a [group](deltamorph::PackedMesh::groups) of the mesh and in the layout of
+    /// [`read_pose`](Self::read_pose).
+    ///
+    /// # Errors
+    /// Those of [`read_pose`](Self::read_pose); a group out of range.
+    pub fn read_group_pose(&mut self, instance: u32, group: usize) -> Result<Vec<f32>> {
         let base = self.crowd.base();
         let view = match base.draws(group) {
             Some(draws) => {

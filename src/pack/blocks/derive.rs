@@ -12,8 +12,8 @@ use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
 
 impl BlockIndex {
-    /// Checks `parts` against words and base pose, and derives the tables of planning and the bounds on integer sums; both
-    /// without what depends on the base pose ([`PackedLayout::take_base`](crate::PackedLayout)).
+    /// Checks `parts` against words and base pose, and derives the tables of planning and the bounds on integer sums;
+    /// both without what depends on the base pose ([`PackedLayout::take_base`](crate::PackedLayout)).
     pub(crate) fn new(
         parts: Parts,
         targets: usize,
