@@ -162,7 +162,7 @@ fn avatars_of_vrm_0_stay_as_they_are_and_are_seen_from_the_front() {
     let dir = tempfile::tempdir().unwrap();
     let arm = gltf_arm(dir.path());
     let [obj, png] = ["out.obj", "out.png"].map(|name| dir.path().join(name));
-    let mut made = |camera: &str| {
+    let made = |camera: &str| {
         let pose = ["--set", "up=0.5", "--path", "cpu", "-o"];
         ok(&[&["apply", &arm], &pose[..], &[obj.to_str().unwrap()]].concat());
         let look = ["--size", "128x96", "--camera", camera];
