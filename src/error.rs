@@ -107,6 +107,30 @@ pub(crate) fn refuse<T>(what: impl Into<String>, remedy: impl Into<String>) -> R
     Err(Error::invalid(what, remedy))
 }
 
+/// Room for `count` elements. A failed allocation is an error; it does not end the process.
+pub(crate) fn reserved<T>(count: usize, what: impl FnOnce() -> String) -> Result<Vec<T>> {
+    let mut list = vec![];
+    let has_room = list.try_reserve_exact(count).is_ok();
+    let what = || format!("no memory for {}: {} MiB", what(), count.saturating_mul(size_of::<T>()).div_ceil(1 << 20));
+    ensure!(has_room, Error::out_of_memory(what(), "free memory, or use a smaller file"));
+    Ok(list)
+}
+
+/// A word or name of a file, cut to a length that fits a message.
+pub(crate) fn shortened(text: &str) -> String {
+    match text.char_indices().nth(40) {
+        Some((at, _)) => format!("{}…", &text[..at]),
+        None => text.to_owned(),
+    }
+}
+
+/// The first few names in quotes, and the number of the others.
+pub(crate) fn listed(names: &[impl AsRef<str>]) -> String {
+    let few: Vec<String> = names.iter().take(10).map(|name| format!("'{}'", shortened(name.as_ref()))).collect();
+    let more = names.len() - few.len();
+    few.join(", ") + &if more > 0 { format!(" and {more} more") } else { String::new() }
+}
+
 /// The kind of an [`Error`] as a stable number, for hosts that decide what to do next, log codes, or cross an FFI
 /// boundary. Numbers are never reused; new ones are added at the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

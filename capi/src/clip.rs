@@ -73,6 +73,7 @@ pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: 
                 names: names.collect::<Result<_>>()?,
                 fps: arrays.fps,
                 values: slice(arrays.values, count, "values")?.to_vec(),
+                notes: vec![],
             };
             clip.write(DmClip::insert(Clip { clip: made }));
         }
@@ -156,10 +157,7 @@ pub unsafe extern "C" fn dm_clip_bind(clip: DmClip, mesh: DmMesh, bound: *mut Dm
         let clip = clip.get()?;
         let mesh = mesh.get()?;
         let names: Vec<&str> = mesh.layout().targets.iter().map(|target| target.name.as_str()).collect();
-        let (renamed, _) = clip.clip.renamed(&names);
-        // The columns as they are, for the error to name.
-        let named = if renamed.names.is_empty() { &clip.clip } else { &renamed };
-        let made = BoundClip { clip: named.bind(&names)? };
+        let made = BoundClip { clip: clip.clip.bind(&names)? };
         // SAFETY: the caller's obligation; it was checked.
         unsafe { bound.write(DmBoundClip::insert(made)) };
         Ok(())

@@ -174,7 +174,7 @@ static void meshes_and_clips(void) {
     keys.names = others;
     WORKS(dm_clip_from_arrays(&keys, &unknown));
     keys.names = names, keys.column_count = 2;
-    INVALID("clip 'unnamed': column 'c' names no target", dm_clip_bind(unknown, mesh, &bound));
+    INVALID("clip 'unnamed': none of its columns ('c') is a target", dm_clip_bind(unknown, mesh, &bound));
     INVALID("'bound' is a null pointer", dm_clip_bind(clip, mesh, NULL));
     keys.fps = -1;
     INVALID("-1 frames per second", dm_clip_from_arrays(&keys, &clip));

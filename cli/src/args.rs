@@ -212,8 +212,8 @@ pub struct ApplyArgs {
     #[arg(long, value_name = "M", requires = "weights")]
     pub from_frame: Option<usize>,
     /// Weights by name, on top of the clip's (repeatable)
-    #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
-    pub set: Vec<(String, f32)>,
+    #[arg(long, value_name = "NAME=WEIGHT,…", value_parser = values::settings)]
+    pub set: Vec<Vec<(String, f32)>>,
     /// OBJ file to write
     #[arg(short, long, value_name = "OUT.obj")]
     pub output: PathBuf,

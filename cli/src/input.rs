@@ -7,10 +7,8 @@ use deltamorph::import::{
     gltf::{self, Animation},
 };
 use deltamorph::internals::diagonal;
-use deltamorph::internals::weights::names::closest;
-use deltamorph::{
-    BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import, normalise_weights,
-};
+use deltamorph::internals::weights::names::{closest, meanings};
+use deltamorph::{BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import};
 use deltamorph_head as head;
 use serde::Serialize;
 use std::cell::Cell;
@@ -19,9 +17,6 @@ use std::sync::Arc;
 
 /// Frames of the built-in head's clip, as `sample` writes them.
 const HEAD_FRAMES: usize = 300;
-
-/// Most columns for which similar names are searched.
-const NEAR: usize = 64;
 
 /// The largest weight of a clip from which on 100 may be meant to be a whole target.
 const PERCENT: f32 = 5.0;
@@ -191,8 +186,8 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
     })
 }
 
-/// Weights of targets by name, as `--set` states them.
-pub type Settings = [(String, f32)];
+/// Weights of targets by name, as each `--set` states them.
+pub type Settings = [Vec<(String, f32)>];
 
 /// The clip that `path` names, as FILE#NAME if it is an animation of a glTF file, or in a packed file: the only one of
 /// such a file, or one of INPUT by its name.
@@ -245,33 +240,15 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
-    let known = input.targets();
-    let (renamed, lost) = clip.renamed(&known);
-    if renamed.names.is_empty() && !lost.is_empty() {
-        let few = |names: &[&str]| {
-            let more = if names.len() > 5 { ", …" } else { "" };
-            format!("'{}'{more}", names[..names.len().min(5)].join("', '"))
-        };
-        let columns: Vec<&str> = clip.names.iter().map(String::as_str).collect();
-        let near = columns.iter().take(NEAR).filter_map(|name| Some(format!("{} for {name}", closest(name, &known)?)));
-        let near: Vec<String> = near.take(3).collect();
-        let near = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(", ")) };
-        return Err(Failure::Failed(format!(
-            "{}: none of its columns ({}) is a target of '{}' ({}){near}; rename columns",
-            path.display(),
-            few(&columns),
-            input.kept.name,
-            few(&known),
-        )));
-    }
-    input.say_renamed(&clip, &renamed, &lost);
-    let most = renamed.values.iter().fold(0.0f32, |most, weight| most.max(*weight));
+    let held = input.held(settings)?;
+    let bound = input.bind(&clip, &held).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
+    let note = |text: &str| input.out.iter().for_each(|out| out.note(format_args!("clip '{}': {text}", clip.name)));
+    bound.notes.iter().for_each(|text| note(text));
+    let most = bound.largest();
     if most >= PERCENT {
-        let text = format!("clip '{}': weights up to {most}; 1 is a whole target: are they percentages?", clip.name);
-        input.out.iter().for_each(|out| out.note(&text));
+        note(&format!("weights up to {most}; 1 is a whole target: are they percentages?"));
     }
-    let clip = input.with_settings(renamed, settings)?;
-    input.bind(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
+    Ok(bound)
 }
 
 /// Checks that the clip at `path` has a frame of this number.
@@ -315,7 +292,7 @@ pub fn clips(
             return Ok(vec![]);
         }
         let clip = head::head_clip(&args.head.desc(args.seed), HEAD_FRAMES, args.fps.unwrap_or(csv::DEFAULT_FPS));
-        return Ok(vec![input.bind(&input.with_settings(clip, settings)?)?]);
+        return Ok(vec![input.bind(&clip, &input.held(settings)?)?]);
     }
     let paths = named.map_or_else(|| input.clips.clone(), |path| vec![path.to_path_buf()]);
     paths.iter().map(|path| clip(path, args, input, settings)).collect()
@@ -337,8 +314,7 @@ impl Input {
     /// Weights of the targets with only `settings`.
     pub fn pose(&self, settings: &Settings) -> Result<Vec<f32>, Failure> {
         let still = WeightClip { name: "--set".into(), fps: csv::DEFAULT_FPS, ..WeightClip::default() };
-        let clip = self.with_settings(still, settings)?;
-        let frames = self.bind(&clip)?.frames().next();
+        let frames = self.bind(&still, &self.held(settings)?)?.frames().next();
         Ok(frames.unwrap_or_else(|| vec![0.0; self.kept.targets.len()]))
     }
 
@@ -366,59 +342,31 @@ impl Input {
         clip.map_err(Into::into).map_err(note).ok()
     }
 
-    /// Prints a note on the columns of a clip that have other names than the targets, and on those that are left out.
-    fn say_renamed(&self, clip: &WeightClip, renamed: &WeightClip, lost: &[String]) {
-        let known = self.targets();
-        let other = clip.names.iter().filter(|name| !known.contains(&name.as_str())).count();
-        if other == 0 {
-            return;
+    /// Binds a clip to the targets, of which some are `held` at other weights.
+    fn bind(&self, clip: &WeightClip, held: &[(usize, f32)]) -> deltamorph::Result<BoundClip> {
+        let mut bound = clip.bind_holding(&self.targets(), held)?;
+        if self.normalise {
+            bound.normalise();
         }
-        let play = other - lost.len();
-        let targets = renamed.names.iter().filter(|name| !clip.names.contains(name)).count();
-        let (name, mesh, total) = (&clip.name, &self.name, clip.names.len());
-        let lost = match lost {
-            [] => String::new(),
-            lost => format!("; '{mesh}' has no target for {}", lost.join(", ")),
-        };
-        let text = format!("clip '{name}': {play} of {total} columns move {targets} targets of other names{lost}");
-        self.out.iter().for_each(|out| out.note(&text));
+        self.largest.set(self.largest.get().max(bound.largest()));
+        Ok(bound)
     }
 
-    /// Binds a clip to the targets.
-    fn bind(&self, clip: &WeightClip) -> deltamorph::Result<BoundClip> {
-        let mut clip = clip.clone();
-        // `bind` refuses values that are not finite.
-        if self.normalise && clip.values.iter().all(|weight| weight.is_finite()) {
-            let columns = clip.names.len().max(1);
-            clip.values.chunks_mut(columns).for_each(normalise_weights);
-        }
-        self.largest.set(clip.values.iter().fold(self.largest.get(), |most, weight| most.max(weight.abs())));
-        clip.bind(&self.targets())
-    }
-
-    /// A clip with `settings` in each frame; one frame if it has no columns.
-    fn with_settings(&self, clip: WeightClip, settings: &Settings) -> Result<WeightClip, Failure> {
+    /// The targets that `settings` mean, by the rules for columns of clips, with their weights.
+    pub fn held(&self, settings: &Settings) -> Result<Vec<(usize, f32)>, Failure> {
         let known = self.targets();
-        for (i, (name, _)) in settings.iter().enumerate() {
-            let refuse = |why: String| Err(Failure::Usage(format!("--set {name}: {why}")));
-            if settings[..i].iter().any(|(other, _)| other == name) {
-                return refuse("set twice; leave one of them out".into());
+        let refuse = |name: &str, why: String| Failure::Usage(format!("--set {name}: {why}"));
+        let twice = |name: &str| refuse(name, "set twice; leave one of them out".into());
+        let (names, weights): (Vec<String>, Vec<f32>) = settings.iter().flatten().cloned().unzip();
+        let mut held = vec![];
+        for ((meant, name), weight) in meanings(&names, &known).map_err(twice)?.into_iter().zip(&names).zip(weights) {
+            let meant = meant.ok_or_else(|| refuse(name, self.unknown(name)))?;
+            if meant.is_empty() {
+                return Err(twice(name));
             }
-            if !known.contains(&name.as_str()) {
-                return refuse(self.unknown(name));
-            }
+            held.extend(meant.into_iter().map(|target| (target, weight)));
         }
-        let set = |name: &String| settings.iter().find(|(other, _)| other == name).map(|(_, weight)| *weight);
-        let added: Vec<&(String, f32)> = settings.iter().filter(|(name, _)| !clip.names.contains(name)).collect();
-        let rows = if clip.names.is_empty() { 1 } else { clip.frame_count() };
-        let row = |i: usize| {
-            let stated = clip.names.iter().zip(&clip.values[i * clip.names.len()..]);
-            let stated = stated.map(|(name, weight)| set(name).unwrap_or(*weight));
-            stated.chain(added.iter().map(|(_, weight)| *weight))
-        };
-        let values = (0..rows).flat_map(row).collect();
-        let names = clip.names.iter().cloned().chain(added.iter().map(|(name, _)| name.clone())).collect();
-        Ok(WeightClip { names, values, ..clip })
+        Ok(held)
     }
 }
 

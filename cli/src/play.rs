@@ -122,7 +122,7 @@ fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output
     let mut runner = if args.animated {
         let names = stage.mesh.layout().targets.iter().map(|t| t.name.clone()).collect();
         let values = frames().flatten().collect();
-        stage.animated(&WeightClip { name: clip.name.clone(), names, fps: clip.fps, values })?
+        stage.animated(&WeightClip { name: clip.name.clone(), names, fps: clip.fps, values, notes: vec![] })?
     } else {
         stage.runner(stage.desc)?
     };

@@ -41,7 +41,7 @@ pub fn head_clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
             values[frame * count + i] = (w.clamp(0.0, 1.0) * 255.0 + 0.5).floor() / 255.0;
         }
     }
-    WeightClip { name: "head".to_owned(), names, fps, values }
+    WeightClip { name: "head".to_owned(), names, fps, values, notes: vec![] }
 }
 
 /// Returns noise in [0, 1]: every `period` seconds or so a new value, or with probability `pause` the old one.

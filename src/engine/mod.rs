@@ -218,6 +218,12 @@ impl MorphEngine {
         self.check_crowd(mesh, desc, Runner::Animated(&self.device.caps))?;
         // The GPU has the weights: none are requested by the host.
         let crowd = AnimatedCrowd::on_device(&self.device, &self.kernels, mesh, desc, 0, |context, poses| {
+            // Before they are filled.
+            context.check_range(
+                "clips",
+                Clips::bytes(animation, context.layout()),
+                "use fewer frames or 16-bit keys",
+            )?;
             let clips = Clips::new(animation, context.layout(), context.grid())?;
             Ok(Playing { animated: Animated::new(context, clips)?, _poses: poses })
         })?;

@@ -6,11 +6,12 @@
 pub mod csv;
 #[cfg(feature = "gltf")]
 pub mod gltf;
+mod kinds;
 pub mod obj;
 pub mod packed;
 
 use crate::asset::MorphSource;
-use crate::error::{Error, Result, ensure};
+use crate::error::{Error, Result, ensure, shortened};
 use crate::io::{has_extension, list};
 use crate::pack::file::{self, Asset};
 use crate::setters::setters;
@@ -84,6 +85,7 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
         open_folder(path)?
     } else if is_packed(path) {
         let bytes = file::bytes(path)?;
+        kinds::refuse_others(path, &bytes, "a packed mesh")?;
         let mesh = ImportedMesh::Packed(Asset::from_bytes(path, &bytes)?);
         let clips = if HAS_CLIPS { packed::clips_from_bytes(path, &bytes)? } else { vec![] };
         Imported { mesh, clips: clips.iter().map(|clip| named(path, &clip.name)).collect(), looks_back: false }
@@ -204,14 +206,6 @@ fn stem(path: &Path) -> String {
     stem.to_str().map_or_else(|| stem.as_encoded_bytes().escape_ascii().to_string(), str::to_owned)
 }
 
-/// A word or name of a file, cut to a length that fits a message.
-fn shortened(text: &str) -> String {
-    match text.char_indices().nth(40) {
-        Some((at, _)) => format!("{}…", &text[..at]),
-        None => text.to_owned(),
-    }
-}
-
 /// The index of the clip called `name`, or of the only one.
 fn choose(path: &Path, of: [&str; 3], all: &[&str], name: Option<&str>, more: &str) -> Result<usize> {
     let is_it = |other: &&str| name.map_or(all.len() == 1, |name| *other == name);
@@ -276,9 +270,9 @@ mod tests {
     fn what_cannot_be_read_is_refused_with_a_remedy() {
         let dir = tempfile::tempdir().unwrap();
         for (name, part) in [
-            ("a.DMORPH", "a.DMORPH: does not begin as a packed mesh does"),
+            ("a.DMORPH", "a.DMORPH: an empty file, where a packed mesh is expected"),
             ("a.txt", "a.txt: a file of a kind that is not read; give a folder with neutral.obj and targets/*.obj, a"),
-            ("a.glb", "a.glb: line 1 column 0 of its JSON: EOF while parsing a value"),
+            ("a.glb", "a.glb: an empty file, where a glTF file is expected; download"),
         ] {
             std::fs::write(dir.path().join(name), "").unwrap();
             crate::testing::says(open(&dir.path().join(name), &ImportDesc::default()), &[part]);

@@ -11,6 +11,7 @@
 //! ```
 
 use crate::error::{Error, Result, ensure};
+use crate::import::kinds::refuse_others;
 use crate::io::write_replacing;
 use crate::pack::file::table::{counted, name_of, push_name, u32_of};
 use crate::pack::file::{self, Asset};
@@ -55,6 +56,7 @@ pub fn clips_from_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<WeightClip>> {
         let remedy = "the program that wrote it is at fault: pack the mesh again";
         Error::input(path, ": section 'clips'", what, remedy)
     };
+    refuse_others(path, bytes, "a packed mesh")?;
     let mut rest = file::clips(path, bytes)?;
     let mut clips = vec![];
     if rest.is_empty() {
@@ -105,7 +107,7 @@ fn clip(rest: &mut &[u8]) -> Result<WeightClip, String> {
     let values = usize::try_from(bytes).ok().and_then(|bytes| rest.split_off(..bytes));
     let values = values.ok_or_else(|| format!("ends before {frames} frames of {columns} weights"))?;
     let values = values.as_chunks().0.iter().map(|weight| f32::from_le_bytes(*weight)).collect();
-    Ok(WeightClip { name, names, fps, values })
+    Ok(WeightClip { name, names, fps, values, ..WeightClip::default() })
 }
 
 #[cfg(test)]
@@ -117,7 +119,8 @@ mod tests {
     fn made() -> (Asset, [WeightClip; 2]) {
         let asset = Asset::pack(&testing::mesh(10, 2), &PackDesc::new(DeltaFormat::Fast)).unwrap();
         let names = vec!["jawOpen".to_owned(), "é".to_owned()];
-        let talk = WeightClip { name: "talk".into(), names, fps: 24.0, values: vec![0.5, -1.0, 0.25, 1.5] };
+        let talk =
+            WeightClip { name: "talk".into(), names, fps: 24.0, values: vec![0.5, -1.0, 0.25, 1.5], notes: vec![] };
         (asset, [talk, WeightClip { name: "still".into(), fps: 30.0, ..WeightClip::default() }])
     }
 

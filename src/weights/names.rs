@@ -1,70 +1,42 @@
 //! Look-up of targets by name.
 
-use super::WeightClip;
-use crate::error::Error;
+use crate::error::{Error, Result, ensure};
 use std::collections::{HashMap, HashSet};
+use std::mem::take;
 use strsim::levenshtein;
 use unicode_normalization::UnicodeNormalization;
 
-impl WeightClip {
-    /// Renames columns to those of `targets` that they mean; returns the clip, and the columns that mean none, which it
-    /// does not have.
-    ///
-    /// A column that names a target keeps its name. Any other means the targets of the same name but for Unicode form,
-    /// case and separators, the side (`_L` or `.L` for `Left`), and what stands before it: a node, as in
-    /// `face.jawOpen`, and Maya's `ai_`. A column without a side means the targets of both sides, if none has its own
-    /// name. Each target takes the first column that means it.
-    ///
-    /// ```
-    /// use deltamorph::WeightClip;
-    ///
-    /// let names = ["face.ai_browDown_L", "mouth-smile", "tongueOut"].map(String::from).to_vec();
-    /// let clip = WeightClip { names, fps: 30.0, values: vec![0.25, 0.5, 1.0], ..WeightClip::default() };
-    /// let (clip, lost) = clip.renamed(&["browDownLeft", "mouthSmile_L", "mouthSmile_R"]);
-    /// assert_eq!(clip.names, ["browDownLeft", "mouthSmile_L", "mouthSmile_R"]);
-    /// assert_eq!(clip.values, [0.25, 0.5, 0.5]);
-    /// assert_eq!(lost, ["tongueOut"]);
-    /// ```
-    pub fn renamed(&self, targets: &[&str]) -> (Self, Vec<String>) {
-        let known: HashSet<&str> = targets.iter().copied().collect();
-        let own = self.names.iter().map(String::as_str).filter(|name| known.contains(name));
-        let mut taken: HashSet<&str> = own.collect();
-        let mut by_key: HashMap<String, Vec<&str>> = HashMap::new();
-        targets.iter().for_each(|target| by_key.entry(key(target)).or_default().push(target));
-        // The name of each column of the result, and the column that it has its weights from.
-        let mut columns: Vec<(&str, usize)> = vec![];
-        let mut lost = vec![];
-        for (index, name) in self.names.iter().enumerate() {
-            if known.contains(name.as_str()) {
-                columns.push((name, index));
-                continue;
-            }
-            let found = meant(name, &by_key);
-            if found.is_empty() {
-                lost.push(name.clone());
-            }
-            columns.extend(found.into_iter().filter(|target| taken.insert(target)).map(|target| (target, index)));
-        }
-        let rows = self.values.chunks(self.names.len().max(1));
-        // An incomplete row stays incomplete, for `bind` to refuse.
-        let values = rows.flat_map(|row| columns.iter().filter_map(|(_, index)| row.get(*index).copied())).collect();
-        let names = columns.iter().map(|(name, _)| (*name).to_owned()).collect();
-        (Self { names, values, ..self.clone() }, lost)
-    }
-}
+/// Most letters of a name for which a similar one is searched: the time grows as their square.
+const NEAR_LETTERS: usize = 64;
 
-/// The targets that a column means.
-fn meant<'a>(column: &str, targets: &HashMap<String, Vec<&'a str>>) -> Vec<&'a str> {
-    let column = key(column);
-    if column.is_empty() {
-        return vec![];
+/// The targets that each name means and that none before it does; `None` if there is no such target. An error with a
+/// name that is there twice, and that of a target.
+pub fn meanings<'n>(names: &'n [String], targets: &[&str]) -> Result<Vec<Option<Vec<usize>>>, &'n str> {
+    let composed = |name: &str| name.nfc().collect::<String>();
+    // Reversed, so that the first of several targets of one name is kept.
+    let own: HashMap<String, usize> = targets.iter().enumerate().rev().map(|(i, name)| (composed(name), i)).collect();
+    let own = |name: &String| own.get(&composed(name)).copied();
+    let mut by_key: HashMap<String, Vec<usize>> = HashMap::new();
+    targets.iter().enumerate().for_each(|(i, target)| by_key.entry(key(target)).or_default().push(i));
+    let mut taken = HashSet::new();
+    for name in names {
+        ensure!(own(name).is_none_or(|target| taken.insert(target)), name.as_str());
     }
-    let called = |side: &str| targets.get(&format!("{column}{side}")).cloned().unwrap_or_default();
-    let same = called("");
-    if !same.is_empty() {
-        return same;
-    }
-    ["left", "right"].into_iter().flat_map(called).collect()
+    // Taken out of the map, since whatever means them later finds none left.
+    let mut rest = |key: &str| by_key.get_mut(key).map(take);
+    let of = |name: &String| {
+        if let Some(target) = own(name) {
+            return Some(vec![target]);
+        }
+        let key = Some(key(name)).filter(|key| !key.is_empty())?;
+        let mut found = rest(&key).or_else(|| {
+            let sides = ["left", "right"].map(|side| rest(&format!("{key}{side}")));
+            sides.into_iter().flatten().reduce(|left, right| [left, right].concat())
+        })?;
+        found.retain(|target| taken.insert(*target));
+        Some(found)
+    };
+    Ok(names.iter().map(of).collect())
 }
 
 /// What is the same in all spellings of a name.
@@ -96,28 +68,41 @@ pub fn unknown(what: String, name: &str, known: &[&str]) -> Error {
     Error::invalid(what, near.unwrap_or_else(|| "use a target of the mesh".to_owned()))
 }
 
-/// The target nearest to `name` by edit distance, if it is close enough, or one that ends so, behind its nodes.
+/// The target nearest to `name` by edit distance, if it is close enough, or one that ends so, behind its nodes. None for
+/// long names.
 pub fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
     let wanted = letters(name);
     let length = wanted.chars().count();
-    let far = |target: &str| match letters(target) {
-        longer if length > 3 && longer.len() > wanted.len() && longer.ends_with(&wanted) => 1,
-        other => levenshtein(&wanted, &other),
+    let most = (length / 3).max(2).min(length.checked_sub(1)?);
+    let distance = |target: &str| {
+        let other = letters(target);
+        if length > 3 && other.len() > wanted.len() && other.ends_with(&wanted) {
+            return Some(1);
+        }
+        let longer = other.chars().count();
+        // No distance is less than the difference of the lengths.
+        let is_near = length.max(longer) <= NEAR_LETTERS && length.abs_diff(longer) <= most;
+        is_near.then(|| levenshtein(&wanted, &other)).filter(|distance| *distance <= most)
     };
-    let (distance, target) = targets.iter().map(|target| (far(target), *target)).min_by_key(|(d, _)| *d)?;
-    (distance <= (length / 3).max(2) && distance < length.max(1)).then_some(target)
+    let near = targets.iter().filter_map(|target| Some((distance(target)?, *target)));
+    near.min_by_key(|(distance, _)| *distance).map(|(_, target)| target)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::weights::WeightClip;
 
-    /// Renames a clip of one row; returns names with weights, and what was lost.
-    fn renamed(columns: &[(&str, f32)], targets: &[&str]) -> (Vec<(String, f32)>, Vec<String>) {
+    /// The weights of targets that a clip of one row moves, and the notes on it.
+    fn moved(columns: &[(&str, f32)], targets: &[&str]) -> (Vec<(String, f32)>, String) {
         let names = columns.iter().map(|(name, _)| (*name).to_owned()).collect();
         let values = columns.iter().map(|(_, weight)| *weight).collect();
-        let (clip, lost) = WeightClip { names, values, ..WeightClip::default() }.renamed(targets);
-        (clip.names.into_iter().zip(clip.values).collect(), lost)
+        let bound = match (WeightClip { names, values, ..WeightClip::default() }).bind(targets) {
+            Ok(bound) => bound,
+            Err(error) => return (vec![], error.to_string()),
+        };
+        let weights = targets.iter().map(|name| (*name).to_owned()).zip(bound.frame(0).unwrap());
+        (weights.filter(|(_, weight)| *weight != 0.0).collect(), bound.notes.join("; "))
     }
 
     #[test]
@@ -134,8 +119,8 @@ mod tests {
             "blendShape1.browDownLeft",
         ] {
             for target in ["browDownLeft", "browDown_L", "face_shapes.ai_browDown_L", "BROW DOWN LEFT"] {
-                let (found, lost) = renamed(&[(column, 0.5)], &["browDownRight", "browDown", target]);
-                assert_eq!((found, lost), (vec![(target.to_owned(), 0.5)], vec![]), "{column} for {target}");
+                let (found, notes) = moved(&[(column, 0.5)], &["browDownRight", "browDown", target]);
+                assert_eq!((found, notes.as_str()), (vec![(target.to_owned(), 0.5)], ""), "{column} for {target}");
             }
         }
     }
@@ -143,25 +128,59 @@ mod tests {
     #[test]
     fn a_column_drives_both_sides_and_each_node_of_its_name() {
         let both = [("browInnerUp_L".to_owned(), 0.5), ("browInnerUp_R".to_owned(), 0.5)];
-        assert_eq!(renamed(&[("browInnerUp", 0.5)], &["browInnerUp_L", "browInnerUp_R"]).0, both);
+        let (found, notes) = moved(&[("browInnerUp", 0.5)], &["browInnerUp_L", "browInnerUp_R"]);
+        assert_eq!(
+            (&found[..], notes.as_str()),
+            (&both[..], "columns that move several targets at once: 'browInnerUp'")
+        );
         let nodes = ["head.jawOpen", "teeth.jawOpen"];
         let all = nodes.map(|node| (node.to_owned(), 1.0));
-        assert_eq!(renamed(&[("jawOpen", 1.0)], &nodes).0, all);
-        assert_eq!(renamed(&[("teeth.jawOpen", 1.0)], &nodes).0, all[1..]);
+        assert_eq!(moved(&[("jawOpen", 1.0)], &nodes).0, all);
+        assert_eq!(moved(&[("teeth.jawOpen", 1.0)], &nodes).0, all[1..]);
     }
 
     #[test]
     fn a_target_takes_one_column_its_own_first() {
         let own = vec![("jawOpen".to_owned(), 1.0)];
-        assert_eq!(renamed(&[("JawOpen", 0.5), ("jawOpen", 1.0)], &["jawOpen"]), (own.clone(), vec![]));
-        assert_eq!(renamed(&[("JawOpen", 1.0), ("jaw_open", 0.5)], &["jawOpen"]).0, own);
+        for (columns, left_out) in
+            [([("JawOpen", 0.5), ("jawOpen", 1.0)], "JawOpen"), ([("JawOpen", 1.0), ("jaw_open", 0.5)], "jaw_open")]
+        {
+            let note = format!("left out, as other columns move their targets: '{left_out}'");
+            assert_eq!(moved(&columns, &["jawOpen"]), (own.clone(), note));
+        }
+        // Two of a name, of a target and of none.
+        let twice = [("jawOpen", 1.0), ("time", 0.0), ("time", 0.0)];
+        assert_eq!(moved(&twice, &["jawOpen"]).0, own);
+        let (_, error) = moved(&[("jawOpen", 1.0), ("jawOpen", 0.5)], &["jawOpen"]);
+        assert!(error.contains("two columns are called 'jawOpen'"), "{error}");
     }
 
     #[test]
     fn what_means_no_target_is_named() {
         // A number after a dot is no name of its own.
-        let columns = [("smile.001", 1.0), ("", 1.0), ("_", 1.0), ("tongueOut", 1.0)];
-        let lost = columns.map(|(name, _)| name.to_owned());
-        assert_eq!(renamed(&columns, &["frown.001", "..", "left"]), (vec![], lost.to_vec()));
+        let columns = [("smile.001", 1.0), ("", 1.0), ("_", 1.0), ("tongueOut", 1.0), ("a", 1.0)];
+        let (found, notes) = moved(&columns, &["frown.001", "..", "left", "a"]);
+        assert_eq!(
+            (found.len(), notes.as_str()),
+            (1, "1 of 5 columns move targets; left out, as no target is called so: 'smile.001', '', '_', 'tongueOut'")
+        );
+        assert!(
+            moved(&columns[..4], &["frown.001"]).1.contains("none of its columns ('smile.001', '', '_', 'tongueOut')")
+        );
+    }
+
+    #[test]
+    fn products_of_counts_are_neither_held_nor_walked() {
+        let names: Vec<String> = (0..2000).map(|i| format!("n{i}.jaw")).collect();
+        let targets: Vec<&str> = names.iter().map(String::as_str).collect();
+        let clip = WeightClip { names: vec!["jaw".into()], values: vec![0.5; 20_000], ..WeightClip::default() };
+        let mut bound = crate::BoundClip::default();
+        let took = allocation_counter::measure(|| bound = clip.bind(&targets).unwrap());
+        assert!(took.bytes_max < 2 << 20, "{} bytes", took.bytes_max);
+        assert_eq!((bound.column_count(), bound.frame(19_999).unwrap()), (2000, vec![0.5; 2000]));
+        // Long names are not compared: minutes, if they were.
+        let long = "a".repeat(1 << 20);
+        assert_eq!(closest(&long, &[&("b".to_owned() + &long[1..])]), None);
+        assert_eq!(closest("jawOpne", &["jawOpen", &long]), Some("jawOpen"));
     }
 }

@@ -30,7 +30,7 @@ pub fn upload(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh) -> G
 /// Returns a clip that animates all targets of `mesh`.
 pub fn clip(mesh: &PackedMesh, fps: f32, values: Vec<f32>) -> WeightClip {
     let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
-    WeightClip { name: "clip".into(), names, fps, values }
+    WeightClip { name: "clip".into(), names, fps, values, notes: vec![] }
 }
 
 /// Returns whether `error` is within the project's limits, for a mesh of `diagonal`.

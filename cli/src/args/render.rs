@@ -17,8 +17,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", requires = "weights", conflicts_with_all = ["clip", "crowd"])]
     pub frame: Option<usize>,
     /// Weights by name, on top of the clip's (repeatable)
-    #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
-    pub set: Vec<(String, f32)>,
+    #[arg(long, value_name = "NAME=WEIGHT,…", value_parser = values::settings)]
+    pub set: Vec<Vec<(String, f32)>>,
     /// PNG file to write
     #[arg(short, long, value_name = "OUT.png", required_unless_present = "clip", conflicts_with = "clip")]
     pub output: Option<PathBuf>,

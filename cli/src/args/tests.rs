@@ -42,7 +42,16 @@ fn lists_and_aliases() {
     assert_eq!(args.suites, [SuiteChoice::Crowd, SuiteChoice::Clips]);
     assert_eq!((args.heads_or(&[7]), args.time_limit(5.0).as_millis()), (vec![1, 3], 200));
     let args = args!(Apply, "apply face --set a=b=0.5,c=-1 --set d=2 -o out.obj");
-    assert_eq!(args.set, [("a=b".into(), 0.5), ("c".into(), -1.0), ("d".into(), 2.0)]);
+    assert_eq!(args.set.concat(), [("a=b".into(), 0.5), ("c".into(), -1.0), ("d".into(), 2.0)]);
+    for (text, expected) in [
+        ("smile, wide=0.5", &[("smile, wide", 0.5)][..]),
+        (" a =1, b=2,c=d,e=3", &[(" a ", 1.0), ("b", 2.0), ("c=d,e", 3.0)]),
+        (",=1", &[(",", 1.0)]),
+    ] {
+        let named = |(name, weight): &(&str, f32)| ((*name).to_owned(), *weight);
+        assert_eq!(settings(text).unwrap(), expected.iter().map(named).collect::<Vec<_>>());
+    }
+    assert!(settings("a=0,5").is_err() && settings("a=1,").is_err());
     let args = args!(Play, "play face --weights a.csv --noise 0.001 --every 3 --error-budget 1e-4d");
     assert_eq!((args.every, args.noise, args.run.update.budget(2.0)), (3, Some(0.001), 2e-4));
     let global = parse("--device 1 devices").expect("global before").global;

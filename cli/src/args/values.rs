@@ -5,7 +5,6 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::{BatchSize, DeltaFormat, UpdateMode, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 use std::collections::BTreeSet;
-use unicode_normalization::UnicodeNormalization;
 
 /// Largest number of targets of the built-in head.
 pub const MAX_TARGETS: usize = 65_536;
@@ -153,13 +152,32 @@ pub fn changed(s: &str) -> Result<Option<usize>, String> {
     }
 }
 
-/// Parse an entry of `--set`. The last "=" divides: names may have one.
-pub fn setting(s: &str) -> Result<(String, f32), String> {
+/// Parse `--set`: settings with commas between them. Names may have commas, too, so one ends a setting only where that
+/// has a weight. Blanks before the first one may be part of its name.
+pub fn settings(s: &str) -> Result<Vec<(String, f32)>, String> {
+    let mut all = vec![];
+    let mut from = 0;
+    for end in s.match_indices(',').map(|(at, _)| at).chain([s.len()]) {
+        let one = &s[from..end];
+        match setting(if from > 0 { one.trim_start() } else { one }) {
+            Ok(one) => {
+                all.push(one);
+                from = end + 1;
+            }
+            Err(why) if end == s.len() => return Err(why),
+            Err(_) => {}
+        }
+    }
+    Ok(all)
+}
+
+/// The last "=" divides: names may have one.
+fn setting(s: &str) -> Result<(String, f32), String> {
     let (name, weight) = s.rsplit_once('=').ok_or("write NAME=WEIGHT, as in jawOpen=0.5")?;
-    if name.trim().is_empty() {
+    if name.is_empty() {
         return Err("the name before \"=\" is missing; write NAME=WEIGHT, as in jawOpen=0.5".into());
     }
-    Ok((name.trim().nfc().collect(), number("a finite weight after \"=\", as in jawOpen=0.5", |_| true)(weight)?))
+    Ok((name.to_owned(), number("a finite weight after \"=\", as in jawOpen=0.5", |_| true)(weight)?))
 }
 
 /// The batch sizes that `specs` request and `path` allows with at most `max` targets per pass, ascending, without

@@ -14,8 +14,8 @@ pub struct ViewArgs {
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     /// Weights by name to begin with (repeatable)
-    #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
-    pub set: Vec<(String, f32)>,
+    #[arg(long, value_name = "NAME=WEIGHT,…", value_parser = values::settings)]
+    pub set: Vec<Vec<(String, f32)>>,
     /// Size of the window, in pixels of a screen without scaling
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     pub size: [u32; 2],

@@ -116,7 +116,7 @@ impl Workload {
     /// Its frames as a clip of all targets, without their names.
     pub fn as_clip(&self) -> WeightClip {
         let (name, values) = (self.name.clone(), self.frames.concat());
-        WeightClip { name, names: vec![], fps: CLIP_FPS, values }
+        WeightClip { name, fps: CLIP_FPS, values, ..WeightClip::default() }
     }
 
     /// Frames that an instance is ahead of the one before it.

@@ -38,7 +38,8 @@ fn overlap_counts_targets_per_vertex() {
 #[test]
 fn clips_are_summed_up() {
     let values = vec![0.0, 0.5, 0.1, 0.5, 0.1, 0.5, 0.2, 0.0];
-    let mut clip = WeightClip { name: "c".into(), names: vec!["a".into(), "b".into()], fps: 24.0, values };
+    let mut clip =
+        WeightClip { name: "c".into(), names: vec!["a".into(), "b".into()], fps: 24.0, values, ..Default::default() };
     let row = |clip: &WeightClip| clip_row(&clip.bind(&["a", "b", "none"]).expect("columns that name targets"));
     let found = row(&clip);
     assert_eq!((found.frames, found.changed_mean, found.changed_max), (4, 1.0, 2));

@@ -61,7 +61,7 @@ fn losses_are_those_of_poses_evaluated_in_float64() {
     let mesh = head(&HeadDesc::default().vertices(1200).targets(6)).to_mesh(Tolerance::ZERO).expect("a mesh");
     let names: Vec<String> = mesh.targets.iter().map(|t| t.name.clone()).collect();
     let values: Vec<f32> = (0..6 * 5).map(|i| ((i * 7) % 11) as f32 / 10.0 - 0.2).collect();
-    let clip = WeightClip { name: "clip".into(), names: names.clone(), fps: 30.0, values };
+    let clip = WeightClip { name: "clip".into(), names: names.clone(), fps: 30.0, values, ..Default::default() };
     let clip = clip.bind(&names.iter().map(String::as_str).collect::<Vec<_>>()).expect("bound");
     let loss = Loss::new(&mesh, std::slice::from_ref(&clip));
     for bits in [0b0, 0b101, 0b110011, 0b111111] {

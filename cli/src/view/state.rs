@@ -72,15 +72,19 @@ impl State {
         let joints = if skins { Joints::of(&run.input, &input)? } else { None };
         let first = named.or(input.clips.first().map(PathBuf::as_path));
         let clip = input::clips(first, &run.input, &input, &[])?.pop();
-        input.pose(&args.set)?; // refuses names that there are not
+        input.pose(&args.set)?; // counts among the largest weights
         let names: Vec<String> = input.targets().into_iter().map(str::to_owned).collect();
         let mut clips = input.clips.clone();
         let chosen = named.map(Path::to_path_buf).or_else(|| clips.first().cloned());
         clips.extend(chosen.clone().filter(|chosen| !clips.contains(chosen)));
         clips.extend(joints.iter().flat_map(Joints::alone));
+        let mut values = vec![0.0; names.len()];
+        for (target, weight) in input.held(&args.set)? {
+            values[target] = weight;
+        }
         let mut this = Self {
             run,
-            values: vec![0.0; names.len()],
+            values,
             names,
             input,
             clip,
@@ -101,9 +105,6 @@ impl State {
             notice: None,
         };
         this.play_joints()?;
-        for (name, weight) in &args.set {
-            this.set(name, *weight)?;
-        }
         Ok(this)
     }
 

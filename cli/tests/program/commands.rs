@@ -198,7 +198,7 @@ fn a_packed_file_is_an_input_everywhere() {
     std::fs::create_dir(&folder_out).unwrap();
     for (args, code, words) in [
         (&["info", &bad][..], 1, "bad.dmorph: section"),
-        (&["info", &empty], 1, "empty.DMORPH: does not begin as a packed mesh does; give a file written by"),
+        (&["info", &empty], 1, "empty.DMORPH: an empty file, where a packed mesh is expected"),
         (&["info", "none.dmorph"], 1, "none.dmorph: cannot read: No such file"),
         (&["pack", &file, "-o", &file], 2, "would be written over"),
         (&["pack", &dir, "-o", &path("head.glb")], 2, "name it *.dmorph"),

@@ -28,10 +28,9 @@ fn run(data: &[u8]) {
         Err(error) => check_error(error),
     }
     let targets = ["jawOpen", "eyeBlinkLeft", "mouthSmile_L", "head.a", "teeth.a"];
-    let (renamed, lost) = clip.renamed(&targets);
-    assert!(lost.len() <= clip.names.len());
-    if let Err(error) = renamed.bind(&targets) {
-        check_error(error);
+    match clip.bind(&targets) {
+        Ok(bound) => assert!(bound.frames().all(|frame| frame.len() == targets.len())),
+        Err(error) => check_error(error),
     }
     // A clip that is written is read back unchanged.
     let out = scratch().join("out.csv");

@@ -3,6 +3,7 @@
 use super::json::{At, parse};
 use super::meshopt;
 use crate::error::{Error, Result, ensure};
+use crate::import::kinds::{kind, refuse_others};
 use crate::import::shortened;
 use crate::io::read_bounded;
 use percent_encoding::percent_decode_str;
@@ -79,7 +80,12 @@ impl Container {
         // Chunks of JSON are padded by spaces; some exporters take zeros.
         let end = bytes[json.clone()].iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
         let text = &bytes[json][..end];
-        let json = parse(path, text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text))?;
+        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+        if !text.trim_ascii_start().starts_with(b"{") {
+            refuse_others(path, text, "a glTF file")?;
+            return Err(Error::input(path, "", "neither GLB nor JSON", "export the mesh as glTF 2.0"));
+        }
+        let json = parse(path, text)?;
         let chunk = chunk.map(|chunk| {
             bytes.truncate(chunk.end);
             bytes.drain(..chunk.start);
@@ -230,7 +236,8 @@ impl Container {
         // The last three may be padding that is not there.
         if let Some(bytes) = found.as_ref().filter(|bytes| bytes.len() + 3 < length) {
             let what = format!("{length} bytes, but there are {}", bytes.len());
-            return Err(at.refuse(what, "export the file again: it is cut off"));
+            let (kind, remedy) = kind(bytes).unwrap_or(("it is cut off", "export the file again"));
+            return Err(at.refuse(format!("{what}: {kind}"), remedy));
         }
         Ok(found.map(|bytes| (length.min(bytes.len()), bytes)))
     }
@@ -268,12 +275,12 @@ impl Container {
         if let Some(bytes) = self.beside.borrow().get(&real) {
             return Ok(bytes.clone());
         }
-        let bytes = read_bounded(file, FILE_MAX, "split the file").map_err(|error| match error {
-            Error::Io { source, .. } => {
-                uri.refuse(format!("{}: cannot read: {source}", file.display()), "put the buffer beside the file")
-            }
-            other => other,
-        })?;
+        let read = read_bounded(file, FILE_MAX, "split the file");
+        if let Err(Error::Io { source, .. }) = &read {
+            let what = format!("{}: cannot read: {source}", file.display());
+            return Err(uri.refuse(what, "put the buffer beside the file"));
+        }
+        let bytes = read?;
         let more = (bytes.len() as u64).saturating_mul(VALUES_PER_BYTE);
         self.budget.set(self.budget.get().saturating_add(more));
         let bytes = Rc::new(bytes);
@@ -311,8 +318,10 @@ fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(Range<usize>, Option<Range<u
 
 fn check_version(root: &At<'_>) -> Result<()> {
     let version = root.need("asset")?.need("version")?;
-    let what = || format!("version {}, only 2 is read", version.value);
-    ensure!(version.text()?.starts_with("2."), version.refuse(what(), "export it as glTF 2.0"));
+    // Text, but some exporters write a number, or no minor version.
+    let text = version.value.to_string();
+    let what = || format!("version {text}, only 2 is read");
+    ensure!(text.trim_matches('"').split('.').next() == Some("2"), version.refuse(what(), "export it as glTF 2.0"));
     Ok(())
 }
 

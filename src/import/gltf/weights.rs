@@ -215,6 +215,6 @@ impl Gltf {
             }
             values.extend(&constant);
         }
-        Ok(WeightClip { name: animation.name.clone(), names, fps, values })
+        Ok(WeightClip { name: animation.name.clone(), names, fps, values, notes: vec![] })
     }
 }

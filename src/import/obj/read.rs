@@ -5,6 +5,7 @@
 
 use crate::asset::{CUT_ALL, CUT_MOST, Corner, Faces};
 use crate::error::{Error, Result, ensure};
+use crate::import::kinds::refuse_others;
 use crate::import::shortened;
 use crate::io::{TEXT_MAX, read_bounded};
 use bytemuck::cast_slice;
@@ -74,6 +75,7 @@ impl ObjFile {
     }
 
     fn scan(path: &Path, bytes: Vec<u8>, origin: Vec3) -> Result<Self> {
+        refuse_others(path, &bytes, "an OBJ file")?;
         let bytes = prepared(bytes);
         // Counted in advance: a face may name a vertex that is listed after it.
         let mut counts = [0; 4];

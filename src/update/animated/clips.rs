@@ -1,6 +1,6 @@
 //! Clips as integers, in the form that is uploaded.
 
-use crate::error::{Error, Result, ensure};
+use crate::error::{Error, Result, ensure, reserved};
 use crate::lod::Importance;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
@@ -86,7 +86,12 @@ impl Clips {
     /// (the message names frame and target); an order of importance for another number of targets.
     pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout, grid: PoseGrid) -> Result<Self> {
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
-        let words = vec![0; TABLE_WORDS * desc.clips.len()];
+        let table = TABLE_WORDS * desc.clips.len();
+        let count = Self::bytes(desc, layout).div_ceil(4).saturating_add((table + names.len()) as u64);
+        let what = format!("clips of {count} words");
+        ensure!(u32::try_from(count).is_ok(), what, "make several crowds, or use 16-bit keys");
+        let mut words = reserved(count as usize, || what)?;
+        words.resize(table, 0);
         let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format, ranks_at: 0 };
         desc.clips.iter().try_for_each(|clip| all.push(clip, &names, grid))?;
         if let Some(importance) = desc.importance {
@@ -99,9 +104,14 @@ impl Clips {
             all.ranks_at = all.words.len() as u32;
             all.words.extend_from_slice(importance.ranks());
         }
-        let what = format!("clips of {} words", all.words.len());
-        ensure!(u32::try_from(all.words.len()).is_ok(), what, "make several crowds, or use 16-bit keys");
         Ok(all)
+    }
+
+    /// The size of the keys of `desc`: one of every target in every frame, even if few columns are animated.
+    pub(crate) fn bytes(desc: &AnimationDesc<'_>, layout: &PackedLayout) -> u64 {
+        let frames: u64 = desc.clips.iter().map(|clip| clip.frame_count() as u64).sum();
+        let key = if desc.key_format == KeyFormat::Bits16 { 2 } else { 4 };
+        frames.saturating_mul(layout.targets.len() as u64 * key)
     }
 
     fn push(&mut self, clip: &WeightClip, names: &[&str], grid: PoseGrid) -> Result<()> {
@@ -112,13 +122,7 @@ impl Clips {
         ensure!(fits, refuse(format!("{frames} frames"), "give it 1 frame or more"));
         let is_rate = clip.fps > 0.0 && clip.fps.is_finite();
         ensure!(is_rate, refuse(format!("{} frames a second", clip.fps), "use a rate above 0"));
-        let mut keys = vec![];
-        // A key of every target in every frame, even if few columns are animated.
-        let count = frames.saturating_mul(names.len());
-        let mut has_room = count <= u32::MAX as usize && keys.try_reserve_exact(count).is_ok();
-        has_room &= self.words.try_reserve(count).is_ok();
-        let what = format!("there is no memory for {frames} frames of {} targets", names.len());
-        ensure!(has_room, refuse(what, "cut the clip into shorter ones"));
+        let mut keys = reserved(frames * names.len(), || format!("the keys of clip '{}'", clip.name))?;
         for (frame, row) in bound.frames().enumerate() {
             for (name, &weight) in names.iter().zip(&row) {
                 let key = grid.steps(weight);

@@ -25,7 +25,7 @@ fn grid() -> PoseGrid {
 fn clip(frames: usize, fps: f32, value: impl Fn(usize, usize) -> f32) -> WeightClip {
     let names = (0..TARGETS).map(|t| format!("target_{t}")).collect();
     let values = (0..frames * TARGETS).map(|i| value(i / TARGETS, i % TARGETS)).collect();
-    WeightClip { name: "clip".into(), names, fps, values }
+    WeightClip { name: "clip".into(), names, fps, values, notes: vec![] }
 }
 
 fn clips(list: &[WeightClip], key_format: KeyFormat) -> Clips {
