@@ -2,10 +2,7 @@
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
-use deltamorph::import::{
-    ImportDesc, Imported, ImportedMesh, csv,
-    gltf::{self, Animation},
-};
+use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
 use deltamorph::internals::diagonal;
 use deltamorph::internals::weights::names::{closest, meanings};
 use deltamorph::{BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import};
@@ -213,30 +210,12 @@ pub fn named(path: &Path, args: &InputArgs) -> Result<PathBuf, Failure> {
     Ok(of_input.filter(|clip| import::animation_of(clip).is_some()).unwrap_or_else(|| path.to_path_buf()))
 }
 
-/// The clip of an animation that moves joints alone, while weights stay at rest.
-fn of_joints_alone(path: &Path, args: &InputArgs, input: &Input) -> Result<Option<WeightClip>, Failure> {
-    let Some((file, name)) = import::animation_of(path).filter(|(file, _)| import::is_gltf(file)) else {
-        return Ok(None);
-    };
-    let gltf = gltf::read(&file)?;
-    let is_it = |animation: &&Animation| animation.name == name && animation.moves_joints_alone();
-    let Some(animation) = gltf.animations.iter().find(is_it).filter(|_| !input.kept.targets.is_empty()) else {
-        return Ok(None);
-    };
-    let clip = gltf.clip(animation, args.fps)?;
-    input.out.iter().for_each(|out| out.note(format_args!("clip '{name}' moves joints alone: weights stay at rest")));
-    Ok(Some(clip))
-}
-
 /// Reads the weight clip at `path`, at least one frame, for the targets of `input`, with `settings` applied. If INPUT
 /// is a glTF file and there is no file at `path`, it may be the name of an animation.
 pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -> Result<BoundClip, Failure> {
     let given = path;
     let path = &named(given, args)?;
-    let clip = match of_joints_alone(path, args, input)? {
-        Some(clip) => clip,
-        None => import::open_clip(path, args.fps).map_err(|error| input.misnamed(given, error))?,
-    };
+    let clip = import::open_clip(path, args.fps).map_err(|error| input.misnamed(given, error))?;
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }

@@ -102,10 +102,10 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     Ok(imported)
 }
 
-/// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`) or
-/// the only clip of a packed file, or one of several as `FILE#NAME`. `fps` is the frame rate; `None` takes the one
-/// stated by the file or by its name, or else [`DEFAULT_FPS`]. A clip of a packed file keeps its frames, and plays them
-/// at `fps`.
+/// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`), or of
+/// joints where weights stay at rest, the only clip of a packed file, or one of several as `FILE#NAME`. `fps` is the
+/// frame rate; `None` takes the one stated by the file or by its name, or else [`DEFAULT_FPS`]. A clip of a packed file
+/// keeps its frames, and plays them at `fps`.
 ///
 /// # Errors
 /// The file cannot be used, has no such animation, or has several and none is named; `fps` is not a positive number; or
@@ -165,11 +165,12 @@ fn open_gltf(path: &Path, desc: &ImportDesc) -> Result<Imported> {
 #[cfg(feature = "gltf")]
 fn gltf_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<WeightClip> {
     let gltf = gltf::read(path)?;
-    let all: Vec<_> = gltf.weight_animations().collect();
+    let mut all: Vec<_> = gltf.weight_animations().collect();
+    if name.is_some() || all.is_empty() {
+        all = gltf.animations.iter().filter(|animation| !animation.channels.is_empty()).collect();
+    }
     let names: Vec<&str> = all.iter().map(|animation| animation.name.as_str()).collect();
-    let still = gltf.animations.iter().filter(|animation| animation.moves_joints_alone());
-    let still = quoted(still.map(|animation| animation.name.as_str()));
-    let mut more = if still.is_empty() { still } else { format!(" (joints alone move in {still})") };
+    let mut more = String::new();
     let left_out = gltf.notes.iter().filter(|note| note.starts_with("animations["));
     left_out.for_each(|note| more += &format!(" ({note})"));
     let chosen = choose(path, ["glTF file", "animation of weights", "animations of weights"], &names, name, &more)?;

@@ -28,24 +28,22 @@ impl OwnNames {
     }
 }
 
-/// How a node moves a target: its weight at rest, and for each animation that moves it otherwise, the keys. Numbers
-/// stand for equal ones.
-type Way = Vec<(usize, usize)>;
-
 impl Channel {
-    /// What tells the weight of one target from others: a constant, or the keys. -0 is 0.
+    /// What tells the weight of one target from others: the only value, or the keys.
     fn key(&self, i: usize) -> Vec<u32> {
-        let width = self.width();
-        let mut values = self.values.iter().skip(i).step_by(width).map(|value| (value + 0.0).to_bits());
-        let first = values.clone().next().unwrap_or_default();
-        if self.interpolation != Interpolation::CubicSpline && values.clone().all(|value| value == first) {
-            return vec![first];
+        let values: Vec<u32> = self.values.iter().skip(i).step_by(self.width()).map(bits).collect();
+        let is_constant = values.iter().all(|value| *value == values[0]);
+        if is_constant && self.interpolation != Interpolation::CubicSpline {
+            return vec![values[0]];
         }
-        let times = self.times.iter().map(|time| time.to_bits());
-        let mut key: Vec<u32> = std::iter::once(self.interpolation as u32).chain(times).collect();
-        key.extend(&mut values);
-        key
+        let times = self.times.iter().map(bits);
+        std::iter::once(self.interpolation as u32).chain(times).chain(values).collect()
     }
+}
+
+/// The bits of a number; those of -0 are those of 0.
+fn bits(number: &f32) -> u32 {
+    (number + 0.0).to_bits()
 }
 
 impl Gltf {
@@ -108,37 +106,32 @@ impl Gltf {
                 first[node] = *plain.entry(mesh).or_insert(node);
             }
         }
-        let mut numbers = HashMap::new();
-        let mut number = |key: Vec<u32>| {
-            let next = numbers.len();
-            *numbers.entry(key).or_insert(next)
-        };
         let drawing: Vec<(usize, usize)> = self.drawing().filter(|(node, _)| first[*node] == *node).collect();
-        let mut ways: HashMap<(usize, usize), Way> = HashMap::new();
-        for (node, mesh) in &drawing {
-            let weights = self.at_rest(*node, *mesh);
-            file.charge(&root, weights.len(), 4 * size_of::<(usize, Way)>())?;
-            for (target, weight) in weights.iter().enumerate() {
-                ways.insert((*node, target), vec![(usize::MAX, number(vec![(weight + 0.0).to_bits()]))]);
-            }
+        // How each node moves each target: the weight at rest, and the keys of each animation that has others.
+        let mut ways: HashMap<(usize, usize), Vec<u32>> = HashMap::new();
+        for &(node, mesh) in &drawing {
+            let weights = self.at_rest(node, mesh);
+            file.charge(&root, weights.len(), 160)?;
+            let at_rest = weights.iter().enumerate().map(|(target, weight)| ((node, target), vec![bits(weight)]));
+            ways.extend(at_rest);
         }
         for (i, animation) in self.animations.iter().enumerate() {
             for channel in animation.weight_channels() {
                 for (place, target) in self.targets_of(channel) {
                     let Some(way) = ways.get_mut(&(channel.node, target)) else { continue };
                     file.charge(&root, channel.times.len() + channel.values.len() / channel.width() + 4, 8)?;
-                    let keys = number(channel.key(place));
-                    // A weight that stays as it is at rest is as good as none.
-                    if keys != way[0].1 {
-                        way.push((i, keys));
+                    let key = channel.key(place);
+                    if key != way[..1] {
+                        way.extend([i as u32, key.len() as u32]);
+                        way.extend(key);
                     }
                 }
             }
         }
-        let mut of_names: HashMap<&str, HashMap<&Way, Option<String>>> = HashMap::new();
+        let mut of_names: HashMap<&str, HashMap<&[u32], Option<String>>> = HashMap::new();
         for &(node, mesh) in &drawing {
             for (target, stated) in self.meshes[mesh].source.targets.iter().enumerate() {
-                of_names.entry(&stated.name).or_default().insert(&ways[&(node, target)], None);
+                of_names.entry(&stated.name).or_default().insert(&*ways[&(node, target)], None);
             }
         }
         let mut taken = of_names.keys().map(|name| ((*name).to_owned(), 1)).collect();
@@ -153,7 +146,7 @@ impl Gltf {
                 let all = of_names.get_mut(&*stated.name).expect("all names are there");
                 if all.len() > 1 {
                     file.charge(&root, label.len() + stated.name.len() + 64, 2)?;
-                    let own = all.get_mut(&ways[&(node, target)]).expect("all ways are there");
+                    let own = all.get_mut(&*ways[&(node, target)]).expect("all ways are there");
                     let made = || mesh::unique(format!("{label}.{}", stated.name), &mut taken, &HashSet::new());
                     names.insert((node, target), own.get_or_insert_with(made).clone());
                 }
@@ -170,16 +163,17 @@ impl Gltf {
 
     /// Samples the weights of an animation from its first to its last key. The clip has a column for each target
     /// ([`target_names`](Self::target_names)) that the animation moves, and one for each that it leaves at a weight
-    /// other than 0. Where joints alone move and all weights are 0, it has one column. `fps` is the frame rate. `None`:
+    /// other than 0. Where joints alone move, a note says so; there is one column then, if all weights are 0. `fps` is the frame rate. `None`:
     /// evenly spaced keys, 20 a second or more, become the frames, at their own rate; otherwise 30.
     ///
     /// # Errors
-    /// [`Error::Input`] if the animation has no channels, or is too long ([`Animation::frame_times`]);
+    /// [`Error::Input`] if the animation has no channels, or the file no targets, or it is too long ([`Animation::frame_times`]);
     /// [`Error::Invalid`] if `fps` is not a positive number.
     pub fn clip(&self, animation: &Animation, fps: Option<f32>) -> Result<WeightClip> {
         let place = format!(": animation '{}'", animation.name);
         let refuse = || Error::input(&self.path, place, "no weights of morph targets", "name another animation");
         ensure!(!animation.channels.is_empty(), refuse());
+        let still = animation.moves_joints_alone().then(|| "joints alone move: weights stay at rest".to_owned());
         let fps = frame_rate(fps.unwrap_or_else(|| animation.frame_rate()))?;
         let drawing: HashMap<usize, usize> = self.drawing().collect();
         let mut names = vec![];
@@ -202,9 +196,9 @@ impl Gltf {
             }
         }
         if names.is_empty() {
-            let first = self.drawing().next().map(|(node, mesh)| self.target_name(mesh, Some(node), 0).to_owned());
-            names.extend(first);
-            constant.resize(names.len(), 0.0);
+            let (node, mesh) = self.drawing().next().ok_or_else(refuse)?;
+            names.push(self.target_name(mesh, Some(node), 0).to_owned());
+            constant.push(0.0);
         }
         let times = animation.frames(fps, names.len()).map_err(assemble::in_file(&self.path, ""))?;
         let mut values = Vec::with_capacity(times.len() * names.len());
@@ -215,6 +209,6 @@ impl Gltf {
             }
             values.extend(&constant);
         }
-        Ok(WeightClip { name: animation.name.clone(), names, fps, values, notes: vec![] })
+        Ok(WeightClip { name: animation.name.clone(), names, fps, values, notes: still.into_iter().collect() })
     }
 }
