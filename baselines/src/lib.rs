@@ -3,7 +3,7 @@
 //!
 //! `vertex-store` is a dense path with another kernel, `scatter` adds into integer sums, the direct paths evaluate the
 //! pose in every draw (`draws`), and `texture` blends displacements into textures that draws fetch. An engine takes
-//! them from [`TECHNIQUES`]; [`textures`] writes delta textures as KTX2 files.
+//! them from [`TECHNIQUES`].
 //!
 //! They use items that the library marks as unstable (its feature `internals`), since a technique needs the access that
 //! the library's own have. Their kernels are rows of the library's table, linked by its feature `baselines`, and share
@@ -21,8 +21,6 @@ mod scatter;
 mod testing;
 mod texture;
 mod vertex_store;
-
-pub use texture::file as textures;
 
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::push::Layout;

@@ -58,8 +58,6 @@ pub enum Command {
     Sample(SampleArgs),
     /// Pack a mesh into a file that loads without packing again
     Pack(PackFileArgs),
-    /// Write the targets of a mesh as textures, a KTX2 file
-    Textures(TexturesArgs),
     /// Describe a mesh: targets, sparsity, overlap, blocks, size and error of each format
     Info(InfoArgs),
     /// Measure the time per frame of the update paths, and write a report
@@ -121,18 +119,6 @@ pub struct PackFileArgs {
     pub pack: PackArgs,
     /// File to write
     #[arg(short, long, value_name = "OUT.dmorph")]
-    pub output: PathBuf,
-}
-
-#[derive(Args, Clone, Debug)]
-pub struct TexturesArgs {
-    #[command(flatten)]
-    pub input: InputArgs,
-    /// 16-bit floats in place of 32
-    #[arg(long)]
-    pub half: bool,
-    /// File to write
-    #[arg(short, long, value_name = "OUT.ktx2")]
     pub output: PathBuf,
 }
 

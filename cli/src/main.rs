@@ -16,7 +16,6 @@ mod runner;
 mod sample;
 mod soak;
 mod table;
-mod textures;
 mod verify;
 #[cfg(feature = "viewer")]
 mod view;
@@ -65,7 +64,6 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::Devices => devices::run(device, out),
         Command::Sample(args) => sample::run(args, out),
         Command::Pack(args) => pack::run(args, out),
-        Command::Textures(args) => textures::run(args, out),
         Command::Info(args) => info::run(args, out),
         Command::Bench(args) => bench::run(args, device, out),
         Command::Play(args) => play::run(args, device, out),

@@ -8,14 +8,12 @@
 //! texture coordinates, for example, which targets move when they stretch the skin.
 //!
 //! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. If every float32 delta
-//! is exactly a half float, as in the article, textures hold half floats: half of
-//! the bytes, and the same numbers. Numbers are never rounded to half floats here, since the integers are as small and
-//! keep more bits. Sums are float32: they drift like those of the other paths with float32 poses, and are cleared when
-//! rebuilding takes no more targets.
+//! is exactly a half float, as in the article, textures hold half floats: half of the bytes, and the same numbers.
+//! Numbers are never rounded to half floats here, since the integers are as small and keep more bits. Sums are float32:
+//! they drift like those of the other paths with float32 poses, and are cleared when rebuilding takes no more targets.
 
 mod blending;
 mod draws;
-pub mod file;
 mod images;
 mod passes;
 mod texels;

@@ -135,7 +135,6 @@ fn a_place_for_results_is_looked_for_before_the_work() {
     for args in [
         &["apply", &gone, "--set", "a=1", "-o", &at("no/x.obj")][..],
         &["pack", &gone, "-o", &at("no/x.dmorph")],
-        &["textures", &gone, "-o", &at("no/x.ktx2")],
         &["render", &gone, "--set", "a=1", "-o", &at("no/x.png")],
         &["render", &gone, "--weights", "a.csv", "--clip", &at("no/x.png")],
         &["render", &gone, "--weights", "a.csv", "--clip", &at("file/frames")],
@@ -261,6 +260,5 @@ fn files_are_what_their_names_say() {
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     refused(&["render", "-o", &path("a.jpg")], 2, "a PNG is written; name it *.png");
     refused(&["apply", "--set", "jawOpen=1", "-o", &path("a.glb")], 2, "an OBJ file is written; name it *.obj");
-    refused(&["textures", "-o", &path("a.png")], 2, "a KTX2 file is written; name it *.ktx2");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
