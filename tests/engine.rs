@@ -4,9 +4,6 @@
 mod character;
 #[path = "common/data.rs"]
 mod data;
-#[allow(dead_code, reason = "its `main` writes a file")]
-#[path = "../examples/draw/main.rs"]
-mod draw;
 #[allow(dead_code, reason = "this program writes less than the tests of the reader do")]
 #[path = "../src/import/gltf/tests/written.rs"]
 mod file;
@@ -20,6 +17,8 @@ mod host;
 mod joints;
 #[path = "common/numbers.rs"]
 mod numbers;
+#[path = "common/offscreen.rs"]
+mod offscreen;
 #[path = "common/planned.rs"]
 mod planned;
 #[path = "common/scene.rs"]
@@ -45,5 +44,3 @@ mod recorded;
 mod techniques;
 mod threads;
 mod updates;
-
-use draw::offscreen;

@@ -1,13 +1,16 @@
 //! Pictures that a host draws from fixed-point poses, with vertex attributes and `glsl/host/pose.glsl` only, equal
 //! those of float32 poses.
 
+use crate::gpu;
 use crate::offscreen::Offscreen;
 use crate::testing;
-use crate::{draw, gpu};
 use deltamorph::ash::vk;
 use deltamorph::{CrowdDesc, DeltaFormat, POSE_FLOATS, PoseFormat, Semantic, Tolerance, UpdateDesc};
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::HeadlessCrowd;
+
+/// Red, green, blue, opacity.
+type Pixel = [u8; 4];
 
 /// Draws a head from poses at locations from 3 on: the pose, or the previous one.
 const VERTEX: &str = "
@@ -35,7 +38,7 @@ fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_th
     let edge = 128;
     for driver in gpu::drivers() {
         gpu::on_device(&driver, false, |headless, engine| {
-            let mut expected: Option<Vec<draw::Pixel>> = None;
+            let mut expected: Option<Vec<Pixel>> = None;
             for format in PoseFormat::ALL {
                 let packed = gpu::packed(engine, &mesh, DeltaFormat::Fast);
                 let update = CrowdDesc::new(UpdateDesc::blocks().pose(format));
@@ -44,7 +47,7 @@ fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_th
                 let mut triangles = mesh.faces.triangles(&mesh.positions).concat();
                 packed.layout().remap_indices(&mut triangles).expect("indices of the mesh");
                 let indices = host.filled(&triangles).expect("a buffer");
-                let bytes = (edge * edge) as usize * size_of::<draw::Pixel>();
+                let bytes = (edge * edge) as usize * size_of::<Pixel>();
                 let pixels = host.shared(bytes, vk::BufferUsageFlags::TRANSFER_DST).expect("a buffer");
                 let pipeline = |previous: bool| {
                     let defines = format!("#version 450\n#define POSE_{}\n", format.decoder().to_uppercase());
@@ -74,7 +77,7 @@ fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_th
                         Ok(())
                     });
                     drawn.expect("a draw");
-                    host.contents::<draw::Pixel>(&pixels)
+                    host.contents::<Pixel>(&pixels)
                 };
                 let (now, before) = (pipeline(false), pipeline(true));
                 crowd.step(&[&[0.3; 37]]).expect("a step");
@@ -86,7 +89,7 @@ fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_th
                 assert!(draw(&crowd, before, true) == first, "{driver} {format:?}");
                 // Edges of the head may move by less than a pixel.
                 let expected = expected.get_or_insert_with(|| second.clone());
-                let is_off = |(a, b): &(&draw::Pixel, &draw::Pixel)| (0..4).any(|i| a[i].abs_diff(b[i]) > 4);
+                let is_off = |(a, b): &(&Pixel, &Pixel)| (0..4).any(|i| a[i].abs_diff(b[i]) > 4);
                 let off = second.iter().zip(&*expected).filter(is_off).count();
                 assert!(off * 200 < shown, "{driver} {format:?}: {off} of {shown} pixels are others than in float32");
             }
