@@ -129,6 +129,7 @@ impl Table {
                     }
                     _ if is_missing(cell) => {
                         kind.missing += 1;
+                        kind.has_words |= !cell.is_empty();
                         table.values.len().checked_sub(columns).map_or(0.0, |before| table.values[before])
                     }
                     _ => {
@@ -158,7 +159,10 @@ impl Table {
             let what = format!("'{cell}' is not a number");
             return Err(refuse(*at, &table.names[i], &what, "write weights as decimal numbers"));
         }
-        let held = kinds.iter().zip(&table.names).filter(|(kind, _)| kind.has_numbers && kind.missing > 0);
+        let held = kinds
+            .iter()
+            .zip(&table.names)
+            .filter(|(kind, _)| kind.missing > 0 && (kind.has_numbers || kind.has_words && kind.text.is_none()));
         let (counts, names): (Vec<_>, Vec<_>) = held.map(|(kind, name)| (kind.missing, name.as_str())).unzip();
         if !names.is_empty() {
             let count: usize = counts.iter().sum();
@@ -174,6 +178,8 @@ impl Table {
 #[derive(Clone, Debug, Default)]
 struct Kind {
     has_numbers: bool,
+    /// Whether a cell says in a word that it has no value.
+    has_words: bool,
     /// Number of cells without a value.
     missing: usize,
     /// Where the first cell of other text is, and its beginning.
@@ -428,6 +434,7 @@ mod tests {
                 "missing values, which stay as in the row before: 5, in 'a'",
             ),
             ("a,b\n1,2\n3,", &[1.0, 2.0, 3.0, 2.0], "row before: 1, in 'b'"),
+            ("a,b\n1,nan\n", &[1.0, 0.0], "row before: 1, in 'b'"),
             ("a,b\n1,2\n3\n", &[1.0, 2.0], "line 3, the last one, is left out: values in the row: 1, but columns"),
             (
                 "frame,a\n7,0\n8,1\n10,3\n",

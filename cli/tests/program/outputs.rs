@@ -101,7 +101,7 @@ fn what_fails_leaves_files_as_they_were() {
     let home = Home::new();
     let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
     let (bad, old, new) = (at("bad.csv"), at("old.json"), at("new.json"));
-    std::fs::write(&bad, "eyeBlinkLeft\nNaN\n").unwrap();
+    std::fs::write(&bad, "eyeBlinkLeft\ninf\n").unwrap();
     std::fs::write(&old, "mine").unwrap();
     for json in [&old, &new] {
         let (_, text) = fails(&["play", &dir, "--weights", &bad, "--json", json]);

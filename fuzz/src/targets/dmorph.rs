@@ -129,7 +129,7 @@ fn seeds() -> Vec<(String, Vec<u8>)> {
             seeds.push((format!("{name}-{}", format.name()), asset.to_bytes().expect("it was packed")));
             if format == DeltaFormat::Fast {
                 let names = vec!["jawOpen".to_owned(), "x".to_owned()];
-                let clip = WeightClip { name: "clip".into(), names, fps: 30.0, values: vec![0.5; 6] };
+                let clip = WeightClip { name: "clip".into(), names, fps: 30.0, values: vec![0.5; 6], notes: vec![] };
                 seeds.push((format!("{name}-clip"), packed::to_bytes(&asset, &[clip]).expect("it was packed")));
             }
         }
