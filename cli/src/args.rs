@@ -16,6 +16,7 @@ use deltamorph_headless::DeviceChoice;
 use lod::LodArgs;
 use poses::Sums;
 use render::RenderArgs;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
 
@@ -33,6 +34,22 @@ pub struct Cli {
     pub global: GlobalArgs,
     #[command(subcommand)]
     pub command: Command,
+}
+
+/// The words of a command line, with the settings of `--set` that a shell has cut at the blanks of a name whole again.
+pub fn with_whole_settings(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut all: Vec<OsString> = vec![];
+    for word in words {
+        let is_option = word.as_encoded_bytes().starts_with(b"-");
+        match &mut all[..] {
+            [.., option, name] if option == "--set" && !is_option && !name.as_encoded_bytes().contains(&b'=') => {
+                name.push(" ");
+                name.push(word);
+            }
+            _ => all.push(word),
+        }
+    }
+    all
 }
 
 /// Options of every command.

@@ -32,7 +32,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::parse_from(args::with_whole_settings(std::env::args_os()));
     table::fit_terminal();
     clean_up_if_interrupted();
     let out = Output::new(cli.global.quiet, cli.global.json.clone());

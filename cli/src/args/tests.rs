@@ -27,6 +27,20 @@ fn the_definition_is_consistent() {
 }
 
 #[test]
+fn names_that_a_shell_has_cut_are_whole_again() {
+    let words = |line: &str| line.split(' ').map(OsString::from).collect::<Vec<_>>().into_iter();
+    for (line, name) in [("--set smile, wide=0.5 -o x", "smile, wide"), ("--set frown =0.5 -o x", "frown ")] {
+        let line = words(&format!("deltamorph apply face {line}"));
+        let Command::Apply(args) = Cli::try_parse_from(with_whole_settings(line)).expect(name).command else {
+            panic!("it is `apply`");
+        };
+        assert_eq!(args.set, [vec![(name.to_owned(), 0.5)]]);
+    }
+    let kept = "deltamorph apply face --set a=1 --set b -o x=1";
+    assert!(words(kept).eq(with_whole_settings(words(kept))));
+}
+
+#[test]
 fn lists_and_aliases() {
     let args = args!(
         Bench,
