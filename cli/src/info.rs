@@ -174,10 +174,15 @@ fn text(info: &Info, sample: &Sample<'_>) -> String {
     let [vertices, triangles] = [i.vertices, i.triangles].map(thousands);
     let [diagonal, all, position, normal] =
         [i.diagonal, i.bounding_box, i.tolerance, i.tolerance_normal].map(|v| sig3(v.into()));
+    let of = match all == diagonal {
+        true => String::new(),
+        false => format!(
+            ": that of the box around the smallest group of parts that targets move, which lengths are fractions of; of \
+             the whole bounding box: {all}"
+        ),
+    };
     let mut parts = vec![format!(
-        "{name} ({origin})\n{vertices} vertices, {triangles} triangles, {targets} targets\n\
-         diagonal {diagonal}: that of the box around the smallest group of parts that targets move, which lengths are \
-         fractions of; of the whole bounding box: {all}\n\
+        "{name} ({origin})\n{vertices} vertices, {triangles} triangles, {targets} targets, diagonal {diagonal}{of}\n\
          deltas kept: longer than {position} of the diagonal (normals: {normal})"
     )];
     if i.pose_origin != [0.0; 3] {

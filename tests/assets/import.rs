@@ -358,7 +358,7 @@ fn lines_may_end_in_any_way() {
 
 #[test]
 fn what_is_no_obj_is_refused_as_such() {
-    says(&parse_error(""), &["x.obj: no 'v' line"]);
+    says(&parse_error(""), &["x.obj: an empty file, where an OBJ file is expected"]);
     says(&parse_error("hello\nworld\n"), &["no 'v' line", "Wavefront OBJ"]);
     says(&parse_error(*b"glTF\x02\0\0\0v 1 2 3"), &["no 'v' line"]);
     says(&parse_error("v 0 1\0 2\n"), &["line 1", "is not a number"]);
