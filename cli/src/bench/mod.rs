@@ -2,11 +2,8 @@
 
 mod compare;
 mod configs;
-mod group;
 mod interleave;
 mod machine;
-mod page;
-mod plot;
 mod record;
 mod report;
 mod sentences;
@@ -33,10 +30,11 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let folder = args.folder();
     out.check(&input::files_of(&args.input, &args.weights), &[], folder)?;
     folder.map_or(Ok(()), report::claim)?;
-    let report = match args.suites.is_empty() {
+    let mut report = match args.suites.is_empty() {
         true => sweep::run(args, device, out)?,
         false => suites::run(args, device, out)?,
     };
+    report.findings = sentences::sentences(&report);
     finish(&report, args, out)
 }
 
@@ -44,7 +42,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
     tables::of_all(&report.runs).iter().for_each(|same| out.say(same));
     for suite in &report.suites {
-        out.say(format_args!("{} (suite {})\n", sentences::title(suite), suite.name));
+        out.say(format_args!("{} (suite {})\n", suite.title, suite.name));
         for (_, table) in tables::of_suite(suite, report) {
             out.say(format_args!("{table}\n"));
         }
@@ -59,10 +57,10 @@ fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure
         }
         return verdict(report);
     }
-    out.say(format_args!("\n{}", sentences::sentences(report).join("\n")));
+    out.say(format_args!("\n{}", report.findings.join("\n")));
     let json = out.json(report);
     if let Some(folder) = args.folder() {
-        let spinner = out.spinner("drawing the report");
+        let spinner = out.spinner("writing the report");
         let written = report::write(report, folder);
         spinner.finish_and_clear();
         written?;

@@ -36,6 +36,8 @@ pub struct Report {
     /// The meshes of the suites, by the names in runs; empty for an ordinary run, which has one mesh.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshInfo>,
+    /// Sentences that summarise the runs.
+    pub findings: Vec<String>,
 }
 
 impl Report {
@@ -93,6 +95,8 @@ impl Skipped {
 pub struct SuiteRecord {
     /// "crowd", "techniques", "constant", "faces" or "clips".
     pub name: String,
+    /// What it compares, as a heading.
+    pub title: String,
     /// The categories that techniques compete in, in the order measured.
     pub cells: Vec<CellRecord>,
     /// Pairs of configurations that were measured interleaved.
@@ -299,14 +303,6 @@ impl RunRecord {
 
 pub fn fastest<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Option<&'a RunRecord> {
     runs.into_iter().min_by(|a, b| a.median().total_cmp(&b.median()))
-}
-
-/// "batch 7", or "one pass".
-pub fn batch_words(batch: BatchSize) -> String {
-    match batch {
-        BatchSize::Targets(n) => format!("batch {n}"),
-        BatchSize::All => "one pass".into(),
-    }
 }
 
 /// "1 head", "100 heads, each its own", "100 copies, one animation".

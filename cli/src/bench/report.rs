@@ -1,6 +1,5 @@
 //! The report folder: report.json, runs.csv and index.html.
 
-use super::page::page;
 use super::record::{Report, RunRecord};
 use crate::output::{self, Failure, publish, write_file};
 use serde_json::Value;
@@ -12,11 +11,17 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
         dir,
         |_| false,
         |dir| {
-            write_file(&dir.join("report.json"), output::to_json(report)?)?;
+            let json = output::to_json(report)?;
             write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
-            write_file(&dir.join("index.html"), page(report))
+            write_file(&dir.join("index.html"), page(&json))?;
+            write_file(&dir.join("report.json"), json)
         },
     )
+}
+
+/// The page that draws a report. In JSON "<" occurs in strings only; escaped, none of them ends the element it is in.
+pub fn page(json: &str) -> String {
+    include_str!("report.html").replacen("REPORT", &json.replace('<', "\\u003c"), 1)
 }
 
 /// Ensures that `dir` may be written: it is new, empty, or has an earlier report.

@@ -49,11 +49,12 @@ impl<'a> Session<'a> {
     /// Runs a suite, which times each configuration for `seconds` by default.
     pub fn suite(
         &mut self,
-        name: &str,
+        [name, title]: [&str; 2],
         seconds: f32,
         run: impl FnOnce(&mut Self) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         self.suite.name = name.into();
+        self.suite.title = title.into();
         self.limit = self.args.time_limit(seconds);
         self.planned = 0;
         self.begun = 0;
@@ -127,7 +128,7 @@ impl<'a> Session<'a> {
             }
         });
         let runs: Vec<Option<RunRecord>> = runs.collect();
-        self.out.say(format_args!("{cell}\n{}\n", tables::runs(runs.iter().flatten(), true)));
+        self.out.say(format_args!("{cell}\n{}\n", tables::runs(runs.iter().flatten())));
         Ok(runs)
     }
 

@@ -1,6 +1,5 @@
-//! The tables of a report, for the terminal and for its page.
+//! The tables of a report for the terminal; its page has its own.
 
-use super::group::partition;
 use super::record::{CellRecord, Comparison, Report, RunRecord, SuiteRecord};
 use crate::table::{Table, bytes, count, optional, percent, sig3};
 use std::iter::once;
@@ -20,7 +19,7 @@ const WORDS: [Column; 6] = [
     ("mode", |run| run.mode.clone()),
     ("workload", |run| run.workload.clone()),
 ];
-const NUMBERS: [Column; 18] = [
+const NUMBERS: [Column; 14] = [
     ("ms/frame", |run| if run.verified { optional(run.time().map(|t| t.median)) } else { "WRONG".into() }),
     ("rounds", |run| match run.rounds_ratio {
         Some(ratio) if run.uneven() => format!("{ratio:.2}× UNEVEN"),
@@ -33,14 +32,10 @@ const NUMBERS: [Column; 18] = [
     ("changed", |run| count(run.changed)),
     ("batch", |run| run.batch_size.to_string()),
     ("passes", |run| count(run.passes)),
-    ("mean", |run| optional(run.time().map(|t| t.mean))),
     ("±", |run| optional(run.time().map(|t| t.stderr))),
-    ("n", |run| run.time().map_or(NONE.into(), |t| t.n.to_string())),
     // Where nothing is drawn, the update is what ms/frame says.
     ("update ms", |run| optional(run.gpu_ms.filter(|_| run.update_and_draw_ms.is_some()).map(|t| t.median))),
     ("draw ms", |run| optional(run.draw_ms)),
-    ("round trip ms", |run| optional(run.cpu_ms.map(|t| t.median))),
-    ("upload ms", |run| optional(run.upload_ms.map(|t| t.median))),
     ("measured", |run| match (run.suite.is_empty(), run.alone) {
         (true, _) => String::new(),
         (false, true) => "alone".into(),
@@ -49,9 +44,7 @@ const NUMBERS: [Column; 18] = [
     ("moved", |run| bytes(run.bytes_moved)),
     ("error / diagonal", |run| optional(run.max_error_rel)),
 ];
-/// Columns on pages only, which are wider than terminals.
-const PAGES_ONLY: [&str; 4] = ["mean", "n", "round trip ms", "upload ms"];
-/// The parts of a frame that is drawn; on pages only if none is.
+/// The parts of a frame that is drawn; left out if none is.
 const PARTS: [&str; 2] = ["update ms", "draw ms"];
 
 /// Columns that are there even if all runs have the same in them.
@@ -74,16 +67,14 @@ pub fn of_all<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Option<Strin
     (!told.is_empty()).then(|| format!("In all of them: {told}."))
 }
 
-/// A row for each run. Columns that are empty or the same in every run are left out, on a terminal also those that are
-/// for pages.
-pub fn runs<'a>(runs: impl IntoIterator<Item = &'a RunRecord>, terminal: bool) -> Table {
+/// A row for each run. Columns that are empty or the same in every run are left out.
+pub fn runs<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Table {
     let runs: Vec<&RunRecord> = runs.into_iter().collect();
     let same: Vec<&str> = common(&runs).map(|(heading, _)| heading).collect();
     let drawn = runs.iter().any(|run| run.draws > 0);
-    let wide = |heading: &&str| PAGES_ONLY.contains(heading) || !drawn && PARTS.contains(heading);
     let told = |(heading, cell): &&Column| {
         let empty = |run: &&RunRecord| [String::new(), NONE.into()].contains(&cell(run));
-        !(runs.iter().all(empty) || same.contains(heading) || terminal && wide(heading))
+        !(runs.iter().all(empty) || same.contains(heading) || !drawn && PARTS.contains(heading))
     };
     let words: Vec<&Column> = WORDS.iter().filter(told).collect();
     let columns: Vec<&Column> = words.iter().copied().chain(NUMBERS.iter().filter(told)).collect();
@@ -168,4 +159,17 @@ fn matrix(
         table.row(once(cell).chain(headings[1..].iter().map(|name| value(name))));
     }
     (!runs.is_empty()).then_some(table)
+}
+
+/// Groups runs by `key`, in the order of the first of each.
+fn partition<'a, K: PartialEq>(runs: &[&'a RunRecord], key: impl Fn(&RunRecord) -> K) -> Vec<(K, Vec<&'a RunRecord>)> {
+    let mut groups: Vec<(K, Vec<&RunRecord>)> = vec![];
+    for &run in runs {
+        let key = key(run);
+        match groups.iter_mut().find(|(other, _)| *other == key) {
+            Some((_, group)) => group.push(run),
+            None => groups.push((key, vec![run])),
+        }
+    }
+    groups
 }

@@ -27,29 +27,29 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     // Checked before anything is measured: an unusable data set must not cost earlier measurements.
     let clips = if asked(SuiteChoice::Clips) { techniques::captured(&mut session)? } else { vec![] };
     if asked(SuiteChoice::Crowd) {
-        session.suite("crowd", SECONDS, crowd::run)?;
+        session.suite(["crowd", "One head and many"], SECONDS, crowd::run)?;
     }
     if asked(SuiteChoice::Techniques) {
         let made_up = techniques::made_up(&session)?;
-        session.suite("techniques", SECONDS, |session| {
+        session.suite(["techniques", "Every technique, side by side"], SECONDS, |session| {
             let all = techniques::all(session, &UpdatePath::ALL, &FLOAT);
             techniques::run(session, made_up, &[1, 10, 100], &all)
         })?;
     }
     if asked(SuiteChoice::Constant) {
         let constant = techniques::constant(&session)?;
-        session.suite("constant", 0.5, |session| {
+        session.suite(["constant", "Constant weights beside animated ones"], 0.5, |session| {
             let poses = [PoseFormat::Float32, PoseFormat::Fixed32];
             let all = techniques::all(session, &UpdatePath::ALL, &poses);
             techniques::run(session, constant, &[1], &all)
         })?;
     }
     if asked(SuiteChoice::Faces) {
-        session.suite("faces", SECONDS, faces::run)?;
+        session.suite(["faces", "A scene of faces of four rigs"], SECONDS, faces::run)?;
     }
     if asked(SuiteChoice::Clips) {
         let poses = [PoseFormat::Float32, PoseFormat::Fixed16];
-        session.suite("clips", SECONDS, |session| {
+        session.suite(["clips", "Every technique on captured clips"], SECONDS, |session| {
             let all = techniques::all(session, &UpdatePath::ALL, &poses);
             techniques::run(session, clips, &[1], &all)
         })?;
