@@ -42,7 +42,7 @@ static void weight_bounds(DmMesh mesh) {
 
 /* A host that is told something calls the library, and gets errors of its own. */
 static void told(void *user, uint32_t severity, const char *text) {
-    HOLDS(severity == DM_MESSAGE_NOTE && strstr(text, "the folder 'targets' has no .obj file"));
+    HOLDS(severity == DM_MESSAGE_NOTE && strstr(text, "no .obj file in a folder 'targets'"));
     HANDLE("null handle in place of a mesh", dm_mesh_destroy(no_mesh));
     ++*(int *)user;
 }
