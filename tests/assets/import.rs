@@ -360,7 +360,7 @@ fn lines_may_end_in_any_way() {
 fn what_is_no_obj_is_refused_as_such() {
     says(&parse_error(""), &["x.obj: an empty file, where an OBJ file is expected"]);
     says(&parse_error("hello\nworld\n"), &["no 'v' line", "Wavefront OBJ"]);
-    says(&parse_error(*b"glTF\x02\0\0\0v 1 2 3"), &["no 'v' line"]);
+    says(&parse_error(*b"glTF\x02\0\0\0v 1 2 3"), &["a glTF file, where an OBJ file is expected"]);
     says(&parse_error("v 0 1\0 2\n"), &["line 1", "is not a number"]);
     // At the end and in comments zeros are no harm.
     assert_eq!(parse(&format!("# a\0b\n{NEUTRAL}f 1 2 3\0\0")).faces, parse(&format!("{NEUTRAL}f 1 2 3")).faces);
