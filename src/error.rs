@@ -25,7 +25,8 @@ pub enum Error {
     /// A file was read, but its content cannot be used.
     #[error(
         "{path}{place}: {what}; {remedy}",
-        path = Printable(path.display()), place = Printable(place), what = Printable(what)
+        path = Printable(path.display()), place = Printable(place), what = Printable(what),
+        remedy = Printable(remedy)
     )]
     Input {
         /// The file or folder.
@@ -38,7 +39,7 @@ pub enum Error {
         remedy: String,
     },
     /// A value handed to the API is not usable.
-    #[error("{what}; {remedy}", what = Printable(what))]
+    #[error("{what}; {remedy}", what = Printable(what), remedy = Printable(remedy))]
     Invalid {
         /// The value and why it is refused.
         what: String,
