@@ -141,7 +141,9 @@ impl Table {
             }
             let before = table.values.len() / columns - 1;
             for (column, times) in table.clocks.iter_mut().filter(|(_, times)| times.len() == before) {
-                match Time::read(record.get(*column).unwrap_or_default(), times.last()) {
+                let cell = record.get(*column).unwrap_or_default();
+                let held = times.last().copied().filter(|_| is_missing(cell));
+                match Time::read(cell, times.last()).or(held) {
                     Some(time) if times.try_reserve(1).is_ok() => times.push(time),
                     // Times that cannot be read are no times.
                     _ => times.clear(),

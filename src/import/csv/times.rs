@@ -125,6 +125,14 @@ pub(super) fn space(table: &mut Table, is_given: bool) -> Result<Option<f32>> {
             return Ok(Some(fps));
         }
     }
+    // Rows that have times are not counted.
+    let is_timed = |(column, times): &(usize, Vec<Time>)| {
+        let name = &table.names[*column];
+        is_time(name, *column) && seconds(name, times).is_some()
+    };
+    if is_given && clocks.iter().any(is_timed) {
+        return Ok(None);
+    }
     for (column, times) in clocks {
         let name = shortened(&table.names[column]);
         let numbers: Vec<f64> = times.iter().map(|time| time.frames.map_or(time.count, f64::floor)).collect();
@@ -136,8 +144,9 @@ pub(super) fn space(table: &mut Table, is_given: bool) -> Result<Option<f32>> {
     Ok(None)
 }
 
-/// Where rows are not evenly spaced at `times`, within half a frame, or frames were left out, they become frames that are, by interpolation.
-/// Returns frames per unit; `None` if times descend, or do not ascend. `are_counts`: they are numbers of frames.
+/// Where rows are not evenly spaced at `times`, within half a frame, or frames were left out, they become frames that
+/// are, by interpolation. Returns frames per unit; `None` if times descend, or do not ascend. `are_counts`: they are
+/// numbers of frames.
 fn at(table: &mut Table, name: &str, times: &[f64], are_counts: bool) -> Result<Option<f32>> {
     let [first, .., last] = *times else { return Ok(None) };
     let rate = |steps: usize| Some((steps as f64 / (last - first)) as f32).filter(|fps| is_rate(*fps));

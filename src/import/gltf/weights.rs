@@ -163,11 +163,13 @@ impl Gltf {
 
     /// Samples the weights of an animation from its first to its last key. The clip has a column for each target
     /// ([`target_names`](Self::target_names)) that the animation moves, and one for each that it leaves at a weight
-    /// other than 0. Where joints alone move, a note says so; there is one column then, if all weights are 0. `fps` is the frame rate. `None`:
-    /// evenly spaced keys, 20 a second or more, become the frames, at their own rate; otherwise 30.
+    /// other than 0. Where joints alone move, a note says so; there is one column then, if all weights are 0. `fps` is
+    /// the frame rate. `None`: evenly spaced keys, 20 a second or more, become the frames, at their own rate; otherwise
+    /// 30.
     ///
     /// # Errors
-    /// [`Error::Input`] if the animation has no channels, or the file no targets, or it is too long ([`Animation::frame_times`]);
+    /// [`Error::Input`] if the animation has no channels, or the file no targets, or it is too long
+    /// ([`Animation::frame_times`]);
     /// [`Error::Invalid`] if `fps` is not a positive number.
     pub fn clip(&self, animation: &Animation, fps: Option<f32>) -> Result<WeightClip> {
         let place = format!(": animation '{}'", animation.name);
