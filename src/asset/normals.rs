@@ -93,37 +93,48 @@ pub struct Deformer<'a> {
     /// Positions of the surface; deformed and restored by every call.
     positions: Vec<Vec3>,
     areas: Vec<DVec3>,
+    /// Faces and vertices that a call has come by; none between calls, so that a call costs no more than it moves.
+    seen_faces: Vec<bool>,
+    seen_vertices: Vec<bool>,
 }
 
 impl<'a> Deformer<'a> {
     /// For deformations of `surface`.
     pub fn new(surface: &'a Surface<'a>) -> Self {
-        Self { surface, positions: surface.positions.to_vec(), areas: surface.areas.clone() }
+        Self {
+            surface,
+            positions: surface.positions.to_vec(),
+            areas: surface.areas.clone(),
+            seen_faces: vec![false; surface.areas.len()],
+            seen_vertices: vec![false; surface.positions.len()],
+        }
     }
 
     /// Returns the changes of the normals when vertices are `moved`, for every vertex that shares a face with one of
     /// them, ascending. All other normals stay, bit for bit. The change is zero if the deformed surface has no normal
     /// (a face folded to nothing).
     pub fn normal_deltas(&mut self, moved: &[(u32, Vec3)]) -> Vec<(u32, Vec3)> {
-        let surface = self.surface;
-        moved.iter().for_each(|&(v, delta)| self.positions[v as usize] += delta);
+        let Self { surface, positions, areas, seen_faces, seen_vertices } = self;
+        moved.iter().for_each(|&(v, delta)| positions[v as usize] += delta);
         // Each face once: a polygon that moves at all its corners would otherwise be walked once for each.
-        let mut seen_faces = vec![false; self.areas.len()];
-        let mut seen_vertices = vec![false; self.positions.len()];
         let unseen = |seen: &mut [bool], i: u32| !std::mem::replace(&mut seen[i as usize], true);
         let mut faces = vec![];
         let mut touched = vec![];
-        for &face in moved.iter().flat_map(|&(v, _)| surface.faces_of(v)).filter(|f| unseen(&mut seen_faces, **f)) {
+        for &face in moved.iter().flat_map(|&(v, _)| surface.faces_of(v)).filter(|f| unseen(seen_faces, **f)) {
             let corners = surface.faces[face as usize];
-            self.areas[face as usize] = area_vector(corners, &self.positions);
+            areas[face as usize] = area_vector(corners, positions);
             faces.push(face as usize);
-            touched.extend(corners.iter().map(|c| c.position).filter(|v| unseen(&mut seen_vertices, *v)));
+            touched.extend(corners.iter().map(|c| c.position).filter(|v| unseen(seen_vertices, *v)));
         }
         touched.sort_unstable();
-        let delta = |v: u32| surface.normal(v, &self.areas).map_or(Vec3::ZERO, |n| n - surface.normals[v as usize]);
-        let deltas = touched.into_iter().map(|v| (v, delta(v))).collect();
-        faces.into_iter().for_each(|face| self.areas[face] = surface.areas[face]);
-        moved.iter().for_each(|&(v, _)| self.positions[v as usize] = surface.positions[v as usize]);
+        let delta = |v: u32| surface.normal(v, areas).map_or(Vec3::ZERO, |n| n - surface.normals[v as usize]);
+        let deltas = touched.iter().map(|&v| (v, delta(v))).collect();
+        for face in faces {
+            areas[face] = surface.areas[face];
+            seen_faces[face] = false;
+        }
+        touched.into_iter().for_each(|v| seen_vertices[v as usize] = false);
+        moved.iter().for_each(|&(v, _)| positions[v as usize] = surface.positions[v as usize]);
         deltas
     }
 }

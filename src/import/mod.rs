@@ -170,9 +170,8 @@ fn gltf_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<Weight
         all = gltf.animations.iter().filter(|animation| !animation.channels.is_empty()).collect();
     }
     let names: Vec<&str> = all.iter().map(|animation| animation.name.as_str()).collect();
-    let mut more = String::new();
     let left_out = gltf.notes.iter().filter(|note| note.starts_with("animations["));
-    left_out.for_each(|note| more += &format!(" ({note})"));
+    let more: String = left_out.map(|note| format!(" ({note})")).collect();
     let chosen = choose(path, ["glTF file", "animation of weights", "animations of weights"], &names, name, &more)?;
     gltf.clip(all[chosen], fps)
 }
