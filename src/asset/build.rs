@@ -42,7 +42,8 @@ impl MorphSource {
     pub fn to_mesh(&self, tolerance: Tolerance) -> Result<MorphMesh> {
         self.check(tolerance)?;
         // Faces of the welded surface: copies have no faces, and take the normals of the vertex that they double.
-        let copies: Vec<(u32, u32)> = copies(&self.welds).collect();
+        let mut copies: Vec<(u32, u32)> = copies(&self.welds).collect();
+        copies.sort_by_key(|(_, of)| *of);
         let mut faces = Cow::Borrowed(&self.faces);
         if !copies.is_empty() {
             faces.to_mut().corners.iter_mut().for_each(|c| c.position = self.welds[c.position as usize]);

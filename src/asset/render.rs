@@ -95,17 +95,16 @@ impl MorphSource {
             let n = semantic.components();
             *values = of.iter().flat_map(|&v| &from.values[v as usize * n..][..n]).copied().collect();
         }
-        let doubled: Vec<(u32, u32)> = (count as u32..).zip(of[count..].iter().copied()).collect();
+        let mut doubled: Vec<(u32, u32)> = (count as u32..).zip(of[count..].iter().copied()).collect();
+        doubled.sort_by_key(|(_, of)| *of);
         for target in &mut split.targets {
             copy_deltas(&mut target.positions, &doubled);
             target.normals.iter_mut().for_each(|normals| copy_deltas(normals, &doubled));
             for (StreamDeltas { vertices, deltas }, stream) in target.streams.iter_mut().zip(&self.streams) {
                 let n = stream.semantic.morphing_components();
-                for (copy, of) in &doubled {
-                    if let Ok(at) = vertices[..].binary_search(of) {
-                        vertices.push(*copy);
-                        deltas.extend_from_within(at * n..(at + 1) * n);
-                    }
+                for (copy, at) in copies_of(vertices.iter().copied(), &doubled) {
+                    vertices.push(copy);
+                    deltas.extend_from_within(at * n..(at + 1) * n);
                 }
             }
         }
@@ -171,13 +170,23 @@ pub(crate) fn check_welds(welds: &[u32], vertices: usize) -> Result<(), String> 
     Ok(())
 }
 
-/// Gives each of `copies` the delta of the vertex that it doubles. `deltas` are ascending, and have none for copies.
+/// Returns the copies of `vertices`, ascending, and where the vertex that each doubles is among these. Both lists ascend
+/// by that vertex. A target costs what it moves, not what the mesh has of copies.
+fn copies_of(vertices: impl Iterator<Item = u32>, copies: &[(u32, u32)]) -> Vec<(u32, usize)> {
+    let mut found = vec![];
+    for (at, v) in vertices.enumerate() {
+        let first = copies.partition_point(|(_, of)| *of < v);
+        let of_this = copies[first..].iter().take_while(|(_, of)| *of == v);
+        found.extend(of_this.map(|(copy, _)| (*copy, at)));
+    }
+    found.sort_unstable();
+    found
+}
+
+/// Gives each of `copies` the delta of the vertex that it doubles, by which they ascend. `deltas` have none for copies.
 pub(super) fn copy_deltas<T: Copy>(deltas: &mut Vec<(u32, T)>, copies: &[(u32, u32)]) {
-    let stated = deltas.len();
-    for &(copy, of) in copies {
-        if let Ok(at) = deltas[..stated].binary_search_by_key(&of, |(v, _)| *v) {
-            deltas.push((copy, deltas[at].1));
-        }
+    for (copy, at) in copies_of(deltas.iter().map(|(v, _)| *v), copies) {
+        deltas.push((copy, deltas[at].1));
     }
     deltas.sort_unstable_by_key(|(v, _)| *v);
 }

@@ -15,7 +15,7 @@ use csv::{ReaderBuilder, StringRecord, Trim};
 use std::collections::HashSet;
 use std::io::Write;
 use std::path::Path;
-use times::{Time, is_frame, is_time};
+use times::{Time, is_time};
 
 /// Reads a weights CSV: a header of target names, then one row per frame.
 ///
@@ -56,7 +56,7 @@ pub fn read(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     Ok(WeightClip { name: stem(path), names, fps, values, notes })
 }
 
-/// Most columns that are taken for times or frame numbers.
+/// Most columns that are taken for times.
 const CLOCKS: usize = 8;
 
 /// What a CSV holds.
@@ -64,7 +64,7 @@ struct Table {
     names: Vec<String>,
     /// Row after row.
     values: Vec<f32>,
-    /// The first columns of times or frame numbers, and those; none of one that could not be read.
+    /// The first columns of times, and those; none of one that could not be read.
     clocks: Vec<(usize, Vec<Time>)>,
     notes: Vec<String>,
 }
@@ -97,7 +97,7 @@ impl Table {
             let at = at + bytes[at..].iter().take_while(|b| matches!(b, b'\r' | b'\n')).count();
             if table.names.is_empty() {
                 table.names = names(&record).map_err(|(what, remedy)| refuse(at, "", what, remedy))?;
-                let is_clock = |(column, name): &(usize, &String)| is_time(name, *column) || is_frame(name);
+                let is_clock = |(column, name): &(usize, &String)| is_time(name, *column);
                 let clocks = table.names.iter().enumerate().filter(is_clock).take(CLOCKS);
                 table.clocks = clocks.map(|(column, _)| (column, vec![])).collect();
                 // A last comma may be in the header alone.

@@ -65,7 +65,7 @@ pub(super) fn is_time(name: &str, column: usize) -> bool {
 }
 
 /// Whether a column of this name holds frame numbers.
-pub(super) fn is_frame(name: &str) -> bool {
+fn is_frame(name: &str) -> bool {
     name.to_lowercase().starts_with("frame")
 }
 
@@ -133,10 +133,19 @@ pub(super) fn space(table: &mut Table, is_given: bool) -> Result<Option<f32>> {
     if is_given && clocks.iter().any(is_timed) {
         return Ok(None);
     }
-    for (column, times) in clocks {
+    for column in 0..table.names.len() {
         let name = shortened(&table.names[column]);
-        let numbers: Vec<f64> = times.iter().map(|time| time.frames.map_or(time.count, f64::floor)).collect();
-        let is_count = numbers.iter().all(|number| number.fract() == 0.0) && (is_frame(&name) || !is_given);
+        let numbers: Vec<f64> = match clocks.iter().find(|(clock, _)| *clock == column) {
+            Some((_, times)) if !is_given => {
+                times.iter().map(|time| time.frames.map_or(time.count, f64::floor)).collect()
+            }
+            _ if is_frame(&name) => {
+                table.values.iter().skip(column).step_by(table.names.len()).copied().map(f64::from).collect()
+            }
+            _ => continue,
+        };
+        // Larger ones are not exact in float32.
+        let is_count = numbers.iter().all(|number| number.fract() == 0.0 && number.abs() < 16_777_216.0);
         if is_count && at(table, &name, &numbers, true)?.is_some() {
             break;
         }
