@@ -1,9 +1,9 @@
 //! Where the time of the path `blocks` goes on a device: bytes moved over time, against the bandwidth
 //! measured in the same run, by tile width, workgroup, block size, formats and number of heads.
 //!
-//! `./with-vulkan cargo bench -p deltamorph-benches --bench device [-- [DEVICE] [HEADS,…]]`; with `DELTAMORPH_DATA`, of ict_facekit in place of
-//! the built-in head. Without a list: 1,10,100,1000,10000 heads, which takes a GPU a minute; 1,4 are for a software
-//! driver.
+//! `./with-vulkan cargo bench -p deltamorph-benches --bench device [-- [DEVICE] [HEADS,…]]`; with `DELTAMORPH_DATA`, of
+//! ict_facekit in place of the built-in head. Without a list: 1,10,100,1000,10000 heads, which takes a GPU a minute;
+//! 1,4 are for a software driver.
 
 use deltamorph::device::DeviceTuning;
 use deltamorph::import::obj;

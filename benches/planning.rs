@@ -1,6 +1,7 @@
 //! What the CPU does for each frame of one head: weights to work lists. No GPU.
 //!
-//! `cargo bench -p deltamorph-benches --bench planning`; with `DELTAMORPH_DATA`, ict_facekit with its captured clips, too.
+//! `cargo bench -p deltamorph-benches --bench planning`; with `DELTAMORPH_DATA`, ict_facekit with its captured clips,
+//! too.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use deltamorph::import::{csv, obj};

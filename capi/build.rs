@@ -7,7 +7,8 @@ fn main() {
     let version = format!(".{}.{}", var("CARGO_PKG_VERSION_MAJOR"), var("CARGO_PKG_VERSION_MINOR"));
     let suffix = match &*var("CARGO_CFG_TARGET_OS") {
         "linux" | "freebsd" | "netbsd" | "openbsd" => &*version,
-        // Takes libraries by names that end in .so alone, and those without a name by the path that a host was linked with.
+        // Takes libraries by names that end in .so alone, and those without a name by the path that a host was linked
+        // with.
         "android" => "",
         _ => return, // say it in ways of their own
     };

@@ -658,8 +658,8 @@ typedef struct DmUpdate {
 
 /// Buffer and layout of a pose. A component, in input units, is offset + number x unit; normals are not normalised.
 ///
-/// A draw fetches numbers as `dm_pose_vertex_input` says. A position is `offsets` + number x `units`: a matrix, which the
-/// host multiplies into its own model matrix from the right. Normals are directions as they are.
+/// A draw fetches numbers as `dm_pose_vertex_input` says. A position is `offsets` + number x `units`: a matrix, which
+/// the host multiplies into its own model matrix from the right. Normals are directions as they are.
 typedef struct DmPoseView {
     /// sizeof(DmPoseView).
     uint32_t struct_size;

@@ -11,8 +11,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// The largest text file that is read: it is held in memory, and the arrays made from it take a few times its size.
 pub const TEXT_MAX: u64 = 1 << 30;
 
-/// Reads a regular file, or a pipe that is open already (`<(...)` of a shell), of at most `limit` bytes; `remedy` is the
-/// advice for a larger one.
+/// Reads a regular file, or a pipe that is open already (`<(...)` of a shell), of at most `limit` bytes; `remedy` is
+/// the advice for a larger one.
 pub fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
     let io = Error::io(path, "read");
     // Checked before the file is opened: opening a pipe without a writer blocks for ever.

@@ -145,8 +145,8 @@ fn refused(kind: u8, bits: u64) -> Failure {
     Failure::handle(format!("{wanted} {bits:#x} that was destroyed, or never created; use one that is alive"))
 }
 
-/// The objects of one kind, by the bits of their handles. No number is used twice: a process that makes a million objects
-/// a second has enough for two thousand years.
+/// The objects of one kind, by the bits of their handles. No number is used twice: a process that makes a million
+/// objects a second has enough for two thousand years.
 pub struct Registry<T> {
     kind: u8,
     objects: RwLock<Objects<T>>,

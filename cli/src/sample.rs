@@ -45,7 +45,8 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     }))
 }
 
-/// Writes `targets/*.obj` and `neutral.obj`, calling `step` after each file. Every position and normal is read back exactly.
+/// Writes `targets/*.obj` and `neutral.obj`, calling `step` after each file. Every position and normal is read back
+/// exactly.
 fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
     let targets = dir.join("targets");
     create_folder(&targets)?;

@@ -37,9 +37,9 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     out.say(format_args!("{frames} frames, {setup}, {} s\n{found}{exact}", sig3(seconds)));
     let clips: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
     let error = checks.found.error.position;
-    // Errors are those against the float64 reference: of sums of integers with weights rounded to their grid. `bit_exact`
-    // and the hash are `None` for float sums. The hash is the same on every driver; the seconds include updates and
-    // comparisons.
+    // Errors are those against the float64 reference: of sums of integers with weights rounded to their grid.
+    // `bit_exact` and the hash are `None` for float sums. The hash is the same on every driver; the seconds include
+    // updates and comparisons.
     let more = json!({
         "schema": 1, "frames": args.frames, "bit_exact": bit_exact, "sums_hash": hash, "device": stage.device(),
         "input": origin, "clips": clips, "seed": run.input.seed, "seconds": seconds,

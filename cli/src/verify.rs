@@ -280,6 +280,8 @@ fn differences(pose: &[f32], reference: &[f64], triple: usize) -> [f64; 2] {
 pub struct Checks<'a> {
     pub stage: &'a Stage,
     pub promise: Promise,
+    /// Those of the further streams, group after group.
+    promises: Vec<Promise>,
     /// Compares normals, too, and positions with these deltas at the weights asked for.
     source: Option<Arc<MorphMesh>>,
     count: usize,
@@ -311,9 +313,22 @@ impl<'a> Checks<'a> {
     /// Checks positions and further streams of `stage` against the reference; with a `source` also normals, and
     /// positions against it.
     pub fn new(stage: &'a Stage, source: Option<Arc<MorphMesh>>) -> Self {
-        let promise = Promise::new(&stage.desc, stage.mesh.layout());
-        let (found, errors) = (Found::default(), Errors::default());
-        Self { stage, promise, source, count: 0, additions: 0, found, errors, wrong: None }
+        let of_layout = |layout: &PackedLayout| Promise::new(&stage.desc, layout);
+        let of_group = |layout: &PackedLayout| {
+            // No bound on the drift of further streams is kept, and none of their changes is deferred.
+            Promise { tracked: false, budget: 0.0, scale: 1.0, ..of_layout(layout) }
+        };
+        Self {
+            stage,
+            promise: of_layout(stage.mesh.layout()),
+            promises: stage.mesh.groups().iter().skip(1).map(|group| of_group(group.layout())).collect(),
+            source,
+            count: 0,
+            additions: 0,
+            found: Found::default(),
+            errors: Errors::default(),
+            wrong: None,
+        }
     }
 
     /// Updates the instance of `runner`, and if `due` compares its pose. Also returns the position error: against the
@@ -352,9 +367,7 @@ impl<'a> Checks<'a> {
         }
         let mut complaint = (!self.promise.kept(&found)).then(|| self.promise.complaint(&found));
         for (group, packed) in mesh.groups().iter().enumerate().skip(1) {
-            // No bound on the drift of further streams is kept, and none of their changes is deferred.
-            let of_group = Promise::new(&self.stage.desc, packed.layout());
-            let promise = Promise { tracked: false, budget: 0.0, scale: 1.0, ..of_group };
+            let promise = &self.promises[group - 1];
             let (pose, reference) = (runner.pose(0, group)?, evaluate_group(packed, &applied));
             for (triple, bound) in promise.rounding(&applied).into_iter().enumerate() {
                 let [off, reach] = differences(&pose, &reference, triple);

@@ -100,8 +100,8 @@ impl Heads {
     /// drawing leaves in this layout.
     ///
     /// # Errors
-    /// The path has no pose buffers; the engine refuses crowd or step; a step on the path `cpu`, or beside wrinkle masks
-    /// of integers; there is no memory.
+    /// The path has no pose buffers; the engine refuses crowd or step; a step on the path `cpu`, or beside wrinkle
+    /// masks of integers; there is no memory.
     ///
     /// # Safety
     /// The device outlives the heads, which are dropped after their targets, and only when no commands recorded with
@@ -235,15 +235,15 @@ impl Heads {
         Ok(())
     }
 
-    /// Updates every head to `weights[head]`, for frame in flight `frame`: records into `cmd`, or updates at once on the
-    /// path `cpu`.
+    /// Updates every head to `weights[head]`, for frame in flight `frame`: records into `cmd`, or updates at once on
+    /// the path `cpu`.
     ///
     /// # Errors
     /// Another number of weights than of heads; weights that are not valid; the device fails.
     ///
     /// # Safety
-    /// - `cmd` is recording on the device of the engine, outside a render pass, on a queue with compute; it runs once, in
-    ///   the order of recording, or the update is [discarded](Self::discard).
+    /// - `cmd` is recording on the device of the engine, outside a render pass, on a queue with compute; it runs once,
+    ///   in the order of recording, or the update is [discarded](Self::discard).
     /// - The last commands recorded for `frame` have finished.
     pub unsafe fn update(
         &mut self,

@@ -73,8 +73,8 @@ pub struct Part {
     pub surface: Option<Surface>,
 }
 
-/// Returns the parts of a mesh. `said` has what the file says of each face, or is empty: eyeballs are then recognised by
-/// their shape, and everything else is skin.
+/// Returns the parts of a mesh. `said` has what the file says of each face, or is empty: eyeballs are then recognised
+/// by their shape, and everything else is skin.
 pub fn parts(mesh: &MorphMesh, said: &[Face<'_>]) -> Vec<Part> {
     let mut kinds: HashMap<&str, Option<Material>> = HashMap::new();
     let mut faces: Vec<(Option<Material>, [u32; 3])> = vec![];

@@ -162,8 +162,8 @@ impl Renderer {
         self.pipeline(self.pass, &[module, modules::FRAGMENT], input, drawn)
     }
 
-    /// Returns the inputs of face.vert: binding 0 has the pose, 1 the vertices at rest in float32, 2 the previous pose, if
-    /// any.
+    /// Returns the inputs of face.vert: binding 0 has the pose, 1 the vertices at rest in float32, 2 the previous pose,
+    /// if any.
     fn input(&self, previous: bool) -> Input {
         let (mut bindings, mut attributes) = self.desc.pose.vertex_input(previous);
         let own = |attribute: &mut vk::VertexInputAttributeDescription| {

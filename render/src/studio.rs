@@ -129,8 +129,8 @@ impl<'a> Studio<'a> {
     }
 
     /// Begins a picture of all heads, with these weights and at `places`, in front of `background` (linear red, green,
-    /// blue, and opacity; colours are multiplied by it). If as many pictures are being drawn already as may be, it waits
-    /// for the oldest and returns it: pictures come in the order in which they were begun.
+    /// blue, and opacity; colours are multiplied by it). If as many pictures are being drawn already as may be, it
+    /// waits for the oldest and returns it: pictures come in the order in which they were begun.
     ///
     /// # Errors
     /// The numbers of weights, places and heads differ; weights are not valid; or the device fails. The picture is not

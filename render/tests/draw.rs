@@ -79,8 +79,8 @@ fn difference(a: &Picture, b: &Picture) -> (f64, usize) {
     (off().map(f64::from).sum::<f64>() / a.rgba.len() as f64, off().filter(|off| *off > 8).count())
 }
 
-/// How many times as much as lavapipe's a driver's pictures may differ: SwiftShader's differ more where edges move by the
-/// unit of a 16-bit pose.
+/// How many times as much as lavapipe's a driver's pictures may differ: SwiftShader's differ more where edges move by
+/// the unit of a 16-bit pose.
 fn leeway(headless: &Headless) -> usize {
     if headless.caps().name.contains("SwiftShader") { 2 } else { 1 }
 }

@@ -83,8 +83,8 @@ macro_rules! pose_formats {
             ///
             /// Value = offset + integer × unit ([`PoseGrid`](crate::packed::PoseGrid)). Each target's contribution is
             /// rounded to the unit as a function of its weight alone, so sums are exact and independent of earlier
-            /// poses. A vertex attribute of four integers at 0 (position, first component of the normal) and one of two at
-            /// 8, in formats that every device has. Needs integer deltas.
+            /// poses. A vertex attribute of four integers at 0 (position, first component of the normal) and one of two
+            /// at 8, in formats that every device has. Needs integer deltas.
             Fixed16 fixed16 { stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)] }
 
             /// As fixed16, 12 bytes per vertex, rounded once: for rigs with many overlapping targets.

@@ -173,8 +173,8 @@ const DENSE: KernelRow = KernelRow {
     constants: 1,
     ..COMPUTE
 };
-/// Asset, work list, poses, base pose. Specialization constants: lanes, vertices per block, instances per tile, two bits
-/// (bit 0: all start from the base pose; bit 1: sums are rounded), whether decoding should use few registers.
+/// Asset, work list, poses, base pose. Specialization constants: lanes, vertices per block, instances per tile, two
+/// bits (bit 0: all start from the base pose; bit 1: sums are rounded), whether decoding should use few registers.
 const CROWD: KernelRow = KernelRow {
     name: "crowd",
     stage: Stage::ComputeSized,
@@ -234,8 +234,8 @@ after_steps!(kernels {
         KernelRow { name: "consume", poses: true, ..VERTEX },
         KernelRow { name: "consume_position", poses: true, ..VERTEX },
         KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
-        // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that sample
-        // 32 targets; the widest tile.
+        // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that
+        // sample 32 targets; the widest tile.
         KernelRow { name: "animate", constants: 1, ..ANIMATION },
         KernelRow { name: "plan", constants: 1, ..ANIMATION },
         KernelRow {

@@ -49,8 +49,8 @@ macro_rules! after_steps {
                     units: [f32; 4], offset: [f32; 4], pose_at: u32, joints_at: u32, skinned_at: u32, stride: u32,
                     normal_at: u32, vertices: u32, count: u32, listed: u32,
                 }
-                // By matrices, and by dual quaternions. Poses of an instance, influences, joints, destination, pieces. Pieces
-                // are texels, since no storage buffer is left. Specialization constant: influences per vertex.
+                // By matrices, and by dual quaternions. Poses of an instance, influences, joints, destination, pieces.
+                // Pieces are texels, since no storage buffer is left. Specialization constant: influences per vertex.
                 [{
                     name: "skin",
                     bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS), (4, WORD_LIST)],

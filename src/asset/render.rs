@@ -170,8 +170,8 @@ pub(crate) fn check_welds(welds: &[u32], vertices: usize) -> Result<(), String> 
     Ok(())
 }
 
-/// Returns the copies of `vertices`, ascending, and where the vertex that each doubles is among these. Both lists ascend
-/// by that vertex. A target costs what it moves, not what the mesh has of copies.
+/// Returns the copies of `vertices`, ascending, and where the vertex that each doubles is among these. Both lists
+/// ascend by that vertex. A target costs what it moves, not what the mesh has of copies.
 fn copies_of(vertices: impl Iterator<Item = u32>, copies: &[(u32, u32)]) -> Vec<(u32, usize)> {
     let mut found = vec![];
     for (at, v) in vertices.enumerate() {

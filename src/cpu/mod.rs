@@ -137,7 +137,8 @@ impl CpuCrowd {
         }
     }
 
-    /// Memory of a group, and the indices of an instance's pose (of its first slot while it has none) and previous pose.
+    /// Memory of a group, and the indices of an instance's pose (of its first slot while it has none) and previous
+    /// pose.
     fn poses(&self, instance: u32, group: usize) -> Result<(&Memory, usize, Option<usize>)> {
         let place = self.instances.check(instance)?;
         let OnCpu { mesh, memory, .. } = &self.kind;

@@ -10,8 +10,8 @@ use ash::vk;
 use glam::{Mat4, Vec3};
 use std::borrow::Cow;
 
-/// Location of a pose, with numbers in its [`PoseFormat`]: value = offset + number × unit, in input units. Positions are
-/// relative to [`PackedLayout::origin`](crate::PackedLayout::origin); normals are not normalised.
+/// Location of a pose, with numbers in its [`PoseFormat`]: value = offset + number × unit, in input units. Positions
+/// are relative to [`PackedLayout::origin`](crate::PackedLayout::origin); normals are not normalised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseView {

@@ -272,9 +272,10 @@ impl PoseFormat {
     /// Describes how a draw reads a pose as vertex attributes, and for motion vectors the previous pose, too: the
     /// inputs that `glsl/host/pose.glsl` declares.
     ///
-    /// Binding 0 is the pose ([`PoseView`](crate::PoseView)), binding 1 the previous pose. Locations start at 0, two for
-    /// each binding. Vulkan guarantees these formats for vertex buffers. A host with its own attributes may renumber
-    /// bindings and locations. [`PoseView::matrix`](crate::PoseView::matrix) makes positions of what a draw fetches.
+    /// Binding 0 is the pose ([`PoseView`](crate::PoseView)), binding 1 the previous pose. Locations start at 0, two
+    /// for each binding. Vulkan guarantees these formats for vertex buffers. A host with its own attributes may
+    /// renumber bindings and locations. [`PoseView::matrix`](crate::PoseView::matrix) makes positions of what a draw
+    /// fetches.
     pub fn vertex_input(self, previous: bool) -> VertexInput {
         let places = std::array::from_fn(|component| Some(self.offset(component) as u32));
         self.vertex_input_at(self.stride() as u32, places, previous)

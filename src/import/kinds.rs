@@ -30,7 +30,8 @@ const BEGINNINGS: [(&[u8], &str, &str); 18] = [
     (b"\xfe\xff", "text in UTF-16", "save it in UTF-8"),
 ];
 
-/// What a file of these bytes is, and what to do; `None` if it does not look like another kind than those that are read.
+/// What a file of these bytes is, and what to do; `None` if it does not look like another kind than those that are
+/// read.
 pub fn kind(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     let start = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     let text = String::from_utf8_lossy(&start[..start.len().min(4096)]);

@@ -102,8 +102,8 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     Ok(imported)
 }
 
-/// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`), or of
-/// joints where weights stay at rest, the only clip of a packed file, or one of several as `FILE#NAME`. `fps` is the
+/// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`), or
+/// of joints where weights stay at rest, the only clip of a packed file, or one of several as `FILE#NAME`. `fps` is the
 /// frame rate; `None` takes the one stated by the file or by its name, or else [`DEFAULT_FPS`]. A clip of a packed file
 /// keeps its frames, and plays them at `fps`.
 ///

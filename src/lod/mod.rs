@@ -121,8 +121,8 @@ impl Importance {
     /// important first; the first `pinned` are always kept.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) for a name that is not a target, with the nearest name suggested; a name
-    /// given twice; targets left out; or more pinned targets than there are.
+    /// [`Error::Invalid`](crate::Error::Invalid) for a name that is not a target, with the nearest name suggested; a
+    /// name given twice; targets left out; or more pinned targets than there are.
     pub fn in_order(mesh: &PackedMesh, order: &[&str], pinned: usize) -> Result<Self> {
         let deltas = Deltas::of_packed(mesh);
         let mut seen = HashSet::new();

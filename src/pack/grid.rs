@@ -138,8 +138,8 @@ impl PoseGrid {
         self.rounding(1, targets)
     }
 
-    /// The base pose of a group's first `vertices` vertices in integers, [`POSE_FLOATS`] per vertex of `base`; 0 for the
-    /// others. In units; where sums are rounded, in units of the sums, before that.
+    /// The base pose of a group's first `vertices` vertices in integers, [`POSE_FLOATS`] per vertex of `base`; 0 for
+    /// the others. In units; where sums are rounded, in units of the sums, before that.
     pub(crate) fn integers(&self, base: &[f32], vertices: usize) -> Vec<i32> {
         let integer = |(i, number): (usize, &f32)| {
             let c = i % POSE_FLOATS;

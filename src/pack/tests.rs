@@ -230,8 +230,8 @@ fn groups_share_their_weights_and_keep_their_bounds() {
     assert!(taken > cases && differing * 4 > cases);
 }
 
-/// For any number of targets: products with rounding fit 32 bits, and sums of rounded terms fit 16; the same of sums that
-/// are rounded once.
+/// For any number of targets: products with rounding fit 32 bits, and sums of rounded terms fit 16; the same of sums
+/// that are rounded once.
 #[test]
 fn narrow_poses_have_room_for_what_rounding_adds() {
     for (targets, is_taken) in [(1, true), (32_767, true), (32_768, false), (33_000, false), (65_536, false)] {

@@ -1,7 +1,7 @@
 //! Planning, shared by all techniques: descriptions, instances, steps, barriers and statistics.
 //!
-//! Pure data, no Vulkan calls. A [technique](crate::update) turns requested weights into [`steps`]; [`schedule`] derives the
-//! barriers. The hazard checker of the tests (tests/common/hazards.rs) proves that every access is ordered.
+//! Pure data, no Vulkan calls. A [technique](crate::update) turns requested weights into [`steps`]; [`schedule`]
+//! derives the barriers. The hazard checker of the tests (tests/common/hazards.rs) proves that every access is ordered.
 
 pub mod after;
 pub mod bounds;

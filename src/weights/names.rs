@@ -68,8 +68,8 @@ pub fn unknown(what: String, name: &str, known: &[&str]) -> Error {
     Error::invalid(what, near.unwrap_or_else(|| "use a target of the mesh".to_owned()))
 }
 
-/// The target nearest to `name` by edit distance, if it is close enough, or one that ends so, behind its nodes. None for
-/// long names.
+/// The target nearest to `name` by edit distance, if it is close enough, or one that ends so, behind its nodes. None
+/// for long names.
 pub fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
     let wanted = letters(name);
     let length = wanted.chars().count();

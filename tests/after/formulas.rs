@@ -244,7 +244,8 @@ impl File {
         found
     }
 
-    /// Returns the value of a node's property at a time, if the animation drives it; `at` is where a single weight goes.
+    /// Returns the value of a node's property at a time, if the animation drives it; `at` is where a single weight
+    /// goes.
     fn played(&self, playing: Playing, node: usize, path: &str, rest: Vec<f64>) -> Vec<f64> {
         let Some((animation, time)) = playing else { return rest };
         let driving = self.animations[animation].iter().filter(|(keys, _)| (keys.node, keys.path) == (node, path));

@@ -137,8 +137,8 @@ fn numbers(bytes: &[u8], view: &StreamView, vertices: usize) -> Vec<u32> {
     (0..vertices * components).map(|i| number(i).to_bits()).collect()
 }
 
-/// Asserts that the streams of all poses in the host's buffer equal those of a crowd with the engine's buffers, and that
-/// nothing else is written. `views`: of an instance in the host's buffer, now and before.
+/// Asserts that the streams of all poses in the host's buffer equal those of a crowd with the engine's buffers, and
+/// that nothing else is written. `views`: of an instance in the host's buffer, now and before.
 fn assert_equal<C: AnyCrowd + 'static>(
     (mesh, heads): (&PackedMesh, u32),
     (host, pose_format): (&Host<'_>, PoseFormat),

@@ -211,9 +211,9 @@ fn below(folder: &Path, root: &Path, found: &mut Vec<(String, PathBuf)>) {
     found.sort();
 }
 
-/// Two skins of one skeleton, the second of a quantised mesh; a mesh that three nodes draw, mirrored and stretched, with
-/// targets without names; a still mesh on a joint. Targets are dense, sparse and integers; clips are splines, steps,
-/// lines and a pointer.
+/// Two skins of one skeleton, the second of a quantised mesh; a mesh that three nodes draw, mirrored and stretched,
+/// with targets without names; a still mesh on a joint. Targets are dense, sparse and integers; clips are splines,
+/// steps, lines and a pointer.
 fn several() -> Written {
     let mut file = Written::default();
     let point = |v: usize, k: f32| [0.0, 1.7, 3.4].map(|c| (v as f32 * 1.3 + c + k).sin());

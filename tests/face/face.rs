@@ -1,5 +1,5 @@
-//! `cargo test -p deltamorph-face`: the public items of the crate with the features covered by versions (docs/versions.md), each with its signature,
-//! compared with tests/face.txt, which shows the changes of a version.
+//! `cargo test -p deltamorph-face`: the public items of the crate with the features covered by versions
+//! (docs/versions.md), each with its signature, compared with tests/face.txt, which shows the changes of a version.
 //!
 //! A person decides whether a change breaks hosts. The list does not show behaviour, default values, sizes, `Send`,
 //! `Sync` and other traits that the compiler derives, nor items hidden from rustdoc.

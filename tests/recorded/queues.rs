@@ -358,8 +358,8 @@ fn updates_for_queues_of_several_families_are_not_recorded_together() {
                 ([None, Some(1)], Some("a queue of family 1 and of one with graphics and compute")),
             ] {
                 let [mut one, mut other] = families.map(crowd);
-                // SAFETY: `run` hands out a recording buffer of the engine's device, and waits. Barriers recorded for a queue
-                // without graphics are allowed on one with graphics.
+                // SAFETY: `run` hands out a recording buffer of the engine's device, and waits. Barriers recorded for a
+                // queue without graphics are allowed on one with graphics.
                 let recorded = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut [&mut one, &mut other]) });
                 match words {
                     None => drop(recorded.expect("updates")),

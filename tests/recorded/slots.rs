@@ -1,5 +1,5 @@
-//! The slots of animated updates that follow discarded ones: hosts that count frames rely on the rule for several queues in
-//! the documentation of `MorphEngine`. src/update/tests.rs holds weighted ones to it.
+//! The slots of animated updates that follow discarded ones: hosts that count frames rely on the rule for several
+//! queues in the documentation of `MorphEngine`. src/update/tests.rs holds weighted ones to it.
 
 use crate::gpu::{self, drivers, on_device};
 use crate::offscreen::Offscreen;

@@ -1,5 +1,5 @@
-//! What a host can watch of an update's commands: the labels around its steps, and timestamps between them; and the cache
-//! that pipelines are made with. Calls go to the driver through functions that write them down.
+//! What a host can watch of an update's commands: the labels around its steps, and timestamps between them; and the
+//! cache that pipelines are made with. Calls go to the driver through functions that write them down.
 
 use crate::gpu::{self, drivers, on_device, single, update_descs};
 use crate::offscreen::Offscreen;

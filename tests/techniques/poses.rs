@@ -99,8 +99,8 @@ fn more_workgroups_than_a_dispatch_has() {
     }
 }
 
-/// The sums that atomics add up in any order equal what fixed32 poses add to the base pose, and rounding weights to the grid
-/// moves no component further than half a weight step times Σ |delta|.
+/// The sums that atomics add up in any order equal what fixed32 poses add to the base pose, and rounding weights to the
+/// grid moves no component further than half a weight step times Σ |delta|.
 #[test]
 fn scattered_sums_are_those_of_fixed32_poses() {
     on_every_device(|headless, engine| {

@@ -18,8 +18,8 @@ fn on_cpu(pose: PoseFormat) -> UpdateDesc {
 }
 
 /// Returns, for every `every`-th frame of a clip, the largest position error against the requested weights, as a
-/// fraction of the diagonal, and the normal error in degrees of 99 in 100 vertices. Asserts the stated bound, and returns
-/// the largest, too, as a fraction of the diagonal.
+/// fraction of the diagonal, and the normal error in degrees of 99 in 100 vertices. Asserts the stated bound, and
+/// returns the largest, too, as a fraction of the diagonal.
 fn errors(pose: PoseFormat, (set, clip, every): (&str, &str, usize)) -> Option<[f64; 3]> {
     let (mesh, frames) = data::face(set, clip)?;
     let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs"));
@@ -101,8 +101,8 @@ fn a_crowd_takes_24_bytes_a_vertex_for_two_slots() {
             crowd.step(&[]).expect("a step");
             let view = crowd.crowd().pose(HEADS - 1).expect("a pose");
             assert_eq!((u64::from(view.stride), view.size), (pose.stride() as u64, 6400 * pose.stride() as u64));
-            // Memory of the crowd, with a base pose in its format; and of the mesh, which has three numbers of 8 bytes per
-            // vertex, once.
+            // Memory of the crowd, with a base pose in its format; and of the mesh, which has three numbers of 8 bytes
+            // per vertex, once.
             (engine.allocated_bytes(), Crowd::pose_bytes(&mesh, &desc))
         };
         let (of_16, poses_of_16) = made(PoseFormat::Fixed16);

@@ -173,8 +173,8 @@ pub struct DmUpdate {
 
 /// Buffer and layout of a pose. A component, in input units, is offset + number × unit; normals are not normalised.
 ///
-/// A draw fetches numbers as `dm_pose_vertex_input` says. A position is `offsets` + number × `units`: a matrix, which the
-/// host multiplies into its own model matrix from the right. Normals are directions as they are.
+/// A draw fetches numbers as `dm_pose_vertex_input` says. A position is `offsets` + number × `units`: a matrix, which
+/// the host multiplies into its own model matrix from the right. Normals are directions as they are.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmPoseView {

@@ -50,7 +50,8 @@ pub struct RenderArgs {
     /// Colours for the distance of each vertex from the base pose, as --show heat
     #[arg(long, value_name = "WHAT", conflicts_with = "show")]
     pub heat: Option<Heat>,
-    /// Appearance of the surface. Motion and blocks are those since the frame before, or since the base pose without one
+    /// Appearance of the surface. Motion and blocks are those since the frame before, or since the base pose without
+    /// one
     #[arg(long, value_name = "LOOK", default_value = "shaded")]
     pub show: Look,
     /// Normals of poses: summed with the targets, or recomputed from the morphed surface (skinning is then off)

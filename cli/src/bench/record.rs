@@ -26,8 +26,8 @@ pub struct Report {
     pub runs: Vec<RunRecord>,
     /// Update paths and batch sizes that were requested and could not run.
     pub skipped: Vec<Skipped>,
-    /// Update paths named by `--paths`, and clips named by `--weights`, of which no configuration could run; `skipped` has
-    /// the reasons.
+    /// Update paths named by `--paths`, and clips named by `--weights`, of which no configuration could run; `skipped`
+    /// has the reasons.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub unmeasured: Vec<String>,
     /// The suites requested by `--suite`, in the order that they ran; empty for an ordinary run.
@@ -228,8 +228,8 @@ pub struct RunRecord {
     pub rounds: Vec<Round>,
     /// Time of a slow round over that of a fast one; see [`Self::uneven`].
     pub rounds_ratio: Option<f64>,
-    /// The time to move the fewest possible bytes at the best measured bandwidth: the median of frames. `None` for paths
-    /// that evaluate in draws, and if most frames change nothing.
+    /// The time to move the fewest possible bytes at the best measured bandwidth: the median of frames. `None` for
+    /// paths that evaluate in draws, and if most frames change nothing.
     pub floor_ms: Option<f64>,
     /// That as a share of the median time of the update (`gpu_ms`, else `cpu_ms`): 1 is the best possible, except for
     /// data in caches.

@@ -97,8 +97,8 @@ impl<'a> Session<'a> {
         Schedule { frames, rounds: ROUNDS.min(frames), limit: self.limit, common }
     }
 
-    /// Measures `candidates` on `subject`, interleaved, prints a row for each, and adds the runs to the report, those of
-    /// suites under `cell` and their names. Says before what it is about, and how long the rest may take.
+    /// Measures `candidates` on `subject`, interleaved, prints a row for each, and adds the runs to the report, those
+    /// of suites under `cell` and their names. Says before what it is about, and how long the rest may take.
     pub fn measure(
         &mut self,
         subject: &mut Subject,

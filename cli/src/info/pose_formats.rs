@@ -117,7 +117,8 @@ struct Moved {
     packing: f64,
 }
 
-/// What the targets do to each vertex. Without a `source`, errors are those that the packed mesh states for each target.
+/// What the targets do to each vertex. Without a `source`, errors are those that the packed mesh states for each
+/// target.
 fn moved(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<Moved> {
     let layout = packed.layout();
     let stated = layout.blocks.as_ref().map_or(0.0, |blocks| blocks.error().position);

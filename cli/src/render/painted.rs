@@ -54,7 +54,8 @@ pub fn of_file(path: &Path, mesh: &MorphMesh, unposed: bool) -> Result<Painted, 
     Ok(Painted { parts, has_joints, still: still.transpose()? })
 }
 
-/// What is drawn of a part whose material is `material`: its colour, or what its name says where a texture has the colour.
+/// What is drawn of a part whose material is `material`: its colour, or what its name says where a texture has the
+/// colour.
 fn face<'a>(material: Option<&gltf::Material>, name: &'a str) -> Face<'a> {
     match material {
         Some(material) if !material.is_textured && !material.is_opaque && material.base_color[3] < 1.0 => Face::Clear,

@@ -56,7 +56,8 @@ fn a_shape_that_single_precision_cannot_place_is_kept() {
         ok(&["apply", input, "--path", "cpu", "-o", &out, "--set", "moved=0.5"]);
         let written = std::fs::read_to_string(&out).unwrap();
         let (found, expected) = (numbers(&written), numbers(&expected));
-        // The middle is a number of single precision: it may be half a metre from that of the mesh, but the same for all.
+        // The middle is a number of single precision: it may be half a metre from that of the mesh, but the same for
+        // all.
         let off: Vec<f64> = (0..12).map(|i| found[i] + middle[i % 3] - expected[i]).collect();
         let same = (3..12).all(|i| (off[i] - off[i % 3]).abs() < 1e-6);
         assert!(same && (input == &packed || off.iter().all(|off| off.abs() < 1e-6)), "{off:?}");

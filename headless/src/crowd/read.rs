@@ -55,8 +55,8 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
     }
 
-    /// Reads the pose of an instance back, in a [group](deltamorph::PackedMesh::groups) of the mesh and in the layout of
-    /// [`read_pose`](Self::read_pose).
+    /// Reads the pose of an instance back, in a [group](deltamorph::PackedMesh::groups) of the mesh and in the layout
+    /// of [`read_pose`](Self::read_pose).
     ///
     /// # Errors
     /// Those of [`read_pose`](Self::read_pose); a group out of range.

@@ -165,8 +165,8 @@ impl Container {
         self.leave_out_or_keep(result, part, &mut None)
     }
 
-    /// Leaves out a part of the file that cannot be used, with a note. If it is the first one, `why` gets the error, for
-    /// the case that nothing is left.
+    /// Leaves out a part of the file that cannot be used, with a note. If it is the first one, `why` gets the error,
+    /// for the case that nothing is left.
     pub fn leave_out_or_keep<T>(&self, result: Result<T>, part: &str, why: &mut Option<Error>) -> Result<Option<T>> {
         let Err(error) = result else { return result.map(Some) };
         let Error::Input { place, what, .. } = &error else { return Err(error) };

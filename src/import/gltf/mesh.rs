@@ -123,8 +123,8 @@ fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
     value[key].as_array().map_or(&[], Vec::as_slice)
 }
 
-/// The names that a mesh states for its targets: in its own extras.targetNames, or those of its first primitive that has
-/// them (UniVRM).
+/// The names that a mesh states for its targets: in its own extras.targetNames, or those of its first primitive that
+/// has them (UniVRM).
 pub fn stated_names<'a>(at: &At<'a>) -> Vec<Option<&'a str>> {
     let primitives = list(at.value, "primitives");
     let count = primitives.iter().map(|primitive| list(primitive, "targets").len()).max().unwrap_or(0);
@@ -162,8 +162,8 @@ fn target_names(file: &Container, at: &At<'_>, prefix: &str, stated: &HashSet<&s
 }
 
 /// Makes `name` unique among `taken`, by appending the first number from 2 on that makes it none of `taken` and of
-/// `stated`, if necessary. `taken` maps each name to the last number that was tried for it, so that many repetitions of a
-/// name need no search from the start.
+/// `stated`, if necessary. `taken` maps each name to the last number that was tried for it, so that many repetitions of
+/// a name need no search from the start.
 pub fn unique(name: String, taken: &mut HashMap<String, usize>, stated: &HashSet<&str>) -> String {
     let mut number = taken.get(&name).copied().unwrap_or(1);
     let mut found = name.clone();

@@ -68,8 +68,8 @@ pub struct Gltf {
     pub animations: Vec<Animation>,
     /// The materials.
     pub materials: Vec<Material>,
-    /// Whether it is an avatar of VRM 0, which looks along −z, where glTF looks along +z. Nothing is turned: pictures of
-    /// its face are taken from behind.
+    /// Whether it is an avatar of VRM 0, which looks along −z, where glTF looks along +z. Nothing is turned: pictures
+    /// of its face are taken from behind.
     pub looks_back: bool,
     /// Remarks for the user; those on a mesh are in its source.
     pub notes: Vec<String>,

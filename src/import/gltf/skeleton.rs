@@ -34,8 +34,8 @@ impl Skeleton {
         Self { influences, animations, joints: vec![], nodes, order }
     }
 
-    /// Adds the vertices of a mesh that `node` draws and `place` has put there. Returns how many of them follow more than
-    /// 8 joints, of which the 8 with most weight count; `None` if there are too many joints.
+    /// Adds the vertices of a mesh that `node` draws and `place` has put there. Returns how many of them follow more
+    /// than 8 joints, of which the 8 with most weight count; `None` if there are too many joints.
     pub(super) fn add(
         &mut self,
         count: usize,

@@ -3,7 +3,7 @@
 use super::ObjFile;
 use crate::asset::normals::{area_vector, unit_normals};
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
-use crate::error::{Error, ErrorKind, Result, ensure};
+use crate::error::{Error, ErrorKind, Result, ensure, listed};
 use crate::import::stem;
 use crate::io::{has_extension, list};
 use crate::math::{diagonal, far_middle, map_all};
@@ -27,8 +27,9 @@ const FAR_OFF: f32 = 128.0;
 
 /// Imports a folder: `neutral.obj`, and one file per target in `targets/*.obj`, in the order of their names.
 ///
-/// Without a folder `targets`, the other files beside the neutral mesh are the targets. Its name may be `neutral` in any
-/// case, or be the only one with that word in it, as `_neutral.obj` or `generic_neutral_mesh.obj`; a note says which it is.
+/// Without a folder `targets`, the other files beside the neutral mesh are the targets. Its name may be `neutral` in
+/// any case, or be the only one with that word in it, as `_neutral.obj` or `generic_neutral_mesh.obj`; a note says
+/// which it is.
 ///
 /// File names ending in `.obj` in any case count; hidden files (a leading dot), folders and other files are ignored.
 /// Names are in Unicode's composed form (NFC). Every target has the vertices of `neutral.obj` in the same order. Its
@@ -85,7 +86,7 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
         let remarked = targets.iter().filter(|(_, remarks)| remarks.contains(&remark));
         let named: Vec<&str> = remarked.map(|(target, _)| target.name.as_str()).collect();
         if !named.is_empty() {
-            notes.push(format!("targets {remark}: {}", few(&named)));
+            notes.push(format!("targets {remark}: {}", listed(&named)));
         }
     }
 
@@ -110,15 +111,6 @@ const COMPUTED: &str = "without normals at all corners, which are computed";
 const AVERAGED: &str = "with hard edges where neutral.obj has none, averaged by area";
 const IGNORED: &str = "with normals where neutral.obj has none, which are computed for all";
 
-/// The first names of a list.
-fn few(names: &[&str]) -> String {
-    match names {
-        [] => "none".to_owned(),
-        [a, b, c, _, ..] => format!("{a}, {b}, {c}, … ({} in all)", names.len()),
-        few => few.join(", "),
-    }
-}
-
 /// The path of the neutral mesh, and names and paths of the targets in target order.
 fn files(folder: &Path) -> Result<(PathBuf, Vec<(String, PathBuf)>)> {
     let targets = folder.join("targets");
@@ -130,7 +122,8 @@ fn files(folder: &Path) -> Result<(PathBuf, Vec<(String, PathBuf)>)> {
     let names: Vec<&str> = beside.iter().map(|(name, _)| name.as_str()).collect();
     // Names that say more, such as neutral_smile, may be those of targets.
     let is_clear = names.first().is_some_and(|name| is_it(name)) || names.iter().filter(|name| says(name)).count() == 1;
-    let what = || format!("no file neutral.obj in this folder; its .obj files: {}", few(&names));
+    let found = || if names.is_empty() { "none".to_owned() } else { listed(&names) };
+    let what = || format!("no file neutral.obj in this folder; its .obj files: {}", found());
     let remedy = "name the neutral mesh neutral.obj, and put one file per target into targets/ or beside it";
     ensure!(is_clear, Error::input(folder, "", what(), remedy));
     let neutral = beside.remove(0).1;

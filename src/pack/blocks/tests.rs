@@ -111,7 +111,8 @@ fn the_largest_sums_fit_the_integers_of_a_pose_and_half_of_them_would_not_be_nee
                 (0..POSE_FLOATS).for_each(|c| largest[c] = largest[c].max(sums[c]));
             }
             assert!(largest.iter().all(|sum| *sum <= most), "{pose:?} {weight_max}: {largest:?} of {most}");
-            // One bit less, and it would overflow, within the hundredth by which a block may reach less than its bounds.
+            // One bit less, and it would overflow, within the hundredth by which a block may reach less than its
+            // bounds.
             let least = 0.99 * most / 2.0 - 16.0;
             let fine = |(c, sum): (usize, &f64)| grid.raised[c / TRIPLE] == DROPPED || *sum > least;
             let fine = pose == PoseFormat::Fixed32 || largest.iter().enumerate().all(fine);

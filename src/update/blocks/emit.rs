@@ -2,8 +2,8 @@
 //!
 //! A block is written if a changed target touches it, or if it is stale in the next slot; a stale block is copied and
 //! updated at once. Each block of each instance starts from the current pose or, if that moves no more bytes, from the
-//! base pose. It also starts from the base pose if the bound on accumulated [`rounding`] would exceed the tolerance, or,
-//! where a rebuild alone exceeds it, twice what the last one left.
+//! base pose. It also starts from the base pose if the bound on accumulated [`rounding`] would exceed the tolerance,
+//! or, where a rebuild alone exceeds it, twice what the last one left.
 
 use super::group::{GroupPlan, Item, rounding};
 use super::plan::BlockState;

@@ -19,8 +19,8 @@ const ANIMATED: usize = 72;
 const FRAMES: usize = 300;
 /// Ours, a rebuild in compute passes, and every active target evaluated in each draw.
 const PATHS: [UpdatePath; 3] = [UpdatePath::Blocks, UpdatePath::Compute, UpdatePath::Direct];
-/// Formats of `blocks`, each a technique of its own. Poses are fixed point: of so many targets, the bound on float32 ones
-/// is wide.
+/// Formats of `blocks`, each a technique of its own. Poses are fixed point: of so many targets, the bound on float32
+/// ones is wide.
 const FORMATS: [DeltaFormat; 2] = [DeltaFormat::Fast, DeltaFormat::Small];
 
 /// All faces in one submission, each at its own frame of the clip.

@@ -65,8 +65,8 @@ impl Written {
         self.stored(0)
     }
 
-    /// Whole files: GLB whose chunks are padded by spaces or zeros or not at all, with lengths that count that or not (0 to
-    /// 4), and JSON with its buffer in base64, with or without its last signs, or in lines (5 to 7).
+    /// Whole files: GLB whose chunks are padded by spaces or zeros or not at all, with lengths that count that or not
+    /// (0 to 4), and JSON with its buffer in base64, with or without its last signs, or in lines (5 to 7).
     pub fn stored(&self, way: usize) -> Vec<u8> {
         let mut json = self.json.clone();
         if way > 4 {
