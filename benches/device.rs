@@ -174,7 +174,7 @@ fn main() {
     }
 
     title("Formats");
-    for format in [DeltaFormat::Fast, DeltaFormat::Pair, DeltaFormat::Small, DeltaFormat::BlockFloat32] {
+    for format in [DeltaFormat::Fast, DeltaFormat::Small] {
         let packed = bench.pack(&headless, format, None);
         for pose in [PoseFormat::Float32, PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16] {
             let what = format!("{format:?}, {pose:?}");

@@ -51,11 +51,10 @@ uvec2 raised_once = raised;
 #define normal_unit units_once.y
 #endif
 
-// The entries of the format: build.rs resolves `format.glsl` to the module's file under formats/. It defines DELTA,
-// INTEGERS if deltas are integers in steps, and
+// The entries of the format: build.rs resolves `format.glsl` to the module's file under formats/. It defines
 //     load_entry(entry, lane, position, normal, shifts)
-// which returns what an entry adds to a lane's vertices at weight 1, in steps or input units, and the number of bits by
-// which to shift both. With TEXELS it may define PARTS instead, and
+// which returns what an entry adds to a lane's vertices at weight 1, in steps, and the number of bits by which to shift
+// both. With TEXELS it may define PARTS instead, and
 //     load_part(entry, lane, part, position, normal, shifts)
 // which returns the components of one part of the entry, and zeros; the first part is 0. `part` becomes the next one,
 // or 0 behind the last.
@@ -84,11 +83,9 @@ uvec2 raised_once = raised;
 #define FACTOR ADDEND
 #ifdef INTEGER_POSES
 #define FACTOR_OF(bits, unit, shift) ADDEND(int(bits) << (shift))
-#elif defined(INTEGERS)
+#else
 // Unit and shift are powers of two: these products are exact.
 #define FACTOR_OF(bits, unit, shift) ADDEND(uintBitsToFloat(bits) * ((unit) * float(1u << (shift))))
-#else
-#define FACTOR_OF(bits, unit, shift) ADDEND(uintBitsToFloat(bits))
 #endif
 #define TIMES(factor, delta) ((factor) * ADDEND(delta))
 #endif

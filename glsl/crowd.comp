@@ -30,7 +30,7 @@ struct Head {
     if (HEADS / 4u != 0u) { DO(2u) DO(3u) } \
     if (HEADS == TILE) { [[unroll]] for (uint h = 4u; h < TILE; ++h) { DO(h) } }
 
-Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2 shifts) {
+Head plus_entry(Head head, uint coefficient, ivec3 position, ivec3 normal, uvec2 shifts) {
     head.position += TIMES(FACTOR_OF(coefficient, position_unit, shifts.x), position);
     head.normal += TIMES(FACTOR_OF(coefficient, normal_unit, shifts.y), normal);
     return head;
@@ -128,7 +128,7 @@ void main() {
 #define ADD(h) heads[h] = plus_entry(heads[h], work[next + 1u + h], position[0], normal[0], shifts);
 #define SUBTRACT(h) heads[h] = minus_entry(heads[h], work[next + 1u + h], position[0], normal[0], shifts);
 #define EACH_ROW(DO_ENTRY) do { \
-        DELTA position[1], normal[1]; \
+        ivec3 position[1], normal[1]; \
         uvec2 shifts; \
         load_entry(work[next], lane, position, normal, shifts); \
         RAISE(shifts) \

@@ -70,7 +70,7 @@ void main() {
     uint part = 0u; // what is next of the row's entry
     do {
         uint row[2][ROW_WORDS(TILE)];
-        DELTA dp[2][VERTICES], dn[2][VERTICES];
+        ivec3 dp[2][VERTICES], dn[2][VERTICES];
         uvec2 shifts[2];
         [[unroll]] for (uint r = 0u; r < AT_ONCE; ++r) {
             // The last row may be single: it is then loaded twice, and counts once.

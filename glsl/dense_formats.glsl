@@ -1,9 +1,7 @@
 // Deltas of a dense format: `format.glsl` is the file of the module's format under formats/, as build.rs resolves it.
 // With DELTAS_BINDING they are in a storage buffer, row by row:
 //     add_delta(row, coefficient, normal_coefficient, position, normal)
-// adds the deltas of one target times its coefficients; in integer formats, for fixed-point poses,
-//     add_rounded(row, weights, dropped, position, normal)
-// adds the rounded products (rounded.glsl). Otherwise the deltas of BATCH targets are vertex attributes:
+// adds the deltas of one target times its coefficients. Otherwise the deltas of BATCH targets are vertex attributes:
 //     ADD_ATTRIBUTES(i, position, normal)
 // adds the deltas of target i times its coefficient in the push constants.
 

@@ -5,9 +5,8 @@
 
 struct Entry {
     uint target;
-    uint coefficient;        // a float32; for fixed-point poses the weight to hold
-    uint normal_coefficient; // a float32; for fixed-point poses the weight that the source holds
-    uint dropped;            // lowest bits of products: of positions, and in bits 8..16 of normals
+    float coefficient;
+    float normal_coefficient;
 };
 layout(set = 0, binding = 3, std430) readonly buffer Entries { Entry entries[]; };
 
@@ -20,17 +19,12 @@ layout(push_constant) uniform Push {
 void main() {
     // Vertices are padded to whole workgroups: no invocation is idle.
     uint vertex = gl_GlobalInvocationID.x;
-    ADDEND position = ADDEND(0);
-    ADDEND normal = ADDEND(0);
+    vec3 position = vec3(0.0);
+    vec3 normal = vec3(0.0);
     for (uint i = 0u; i < entry_count; ++i) {
         Entry entry = entries[first_entry + i];
         uint row = entry.target * chunk_vertices + vertex;
-#ifdef INTEGER_POSES
-        ivec2 weights = ivec2(entry.coefficient, entry.normal_coefficient);
-        add_rounded(row, weights, entry.dropped, position, normal);
-#else
-        add_delta(row, uintBitsToFloat(entry.coefficient), uintBitsToFloat(entry.normal_coefficient), position, normal);
-#endif
+        add_delta(row, entry.coefficient, entry.normal_coefficient, position, normal);
     }
     ADD_POSE(source_pose, vertex, position, normal)
     STORE_POSE(destination_pose, vertex, position, normal)

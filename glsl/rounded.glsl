@@ -3,9 +3,3 @@
 
 // Rounds what is in 2^-16 of units: GPUs read half of a register, or shift and add at once. The half does not overflow.
 #define ROUNDED(value) ((value) + 0x8000 >> 16)
-
-// Rounds products of which the `dropped` lowest bits, at most 31, are less than a unit: the difference of two.
-ivec3 rounded_change(ivec2 weights, ivec3 delta, uint dropped) {
-    int half_unit = int(1u << dropped >> 1);
-    return (weights.x * delta + half_unit >> dropped) - (weights.y * delta + half_unit >> dropped);
-}

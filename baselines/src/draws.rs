@@ -206,7 +206,7 @@ pub(crate) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
         true => BatchSize::All,
         false => BatchSize::Targets(u32::MAX),
     };
-    DensePlanner::new(desc.update.batch(batch), None, desc.instances as usize)
+    DensePlanner::new(desc.update.batch(batch), desc.instances as usize)
 }
 
 #[cfg(test)]

@@ -20,14 +20,10 @@ pub const DM_MESSAGE_NOTE: u32 = 1;
 pub const DM_DELTAS_FLOAT32: u32 = 1;
 /// Dense, six integers of 16 bits.
 pub const DM_DELTAS_SNORM16: u32 = 2;
-/// In blocks, six float32.
-pub const DM_DELTAS_BLOCK_FLOAT32: u32 = 3;
 /// In blocks, 9 bytes a vertex: the default.
 pub const DM_DELTAS_FAST: u32 = 4;
 /// In blocks, as few bits as the error allows.
 pub const DM_DELTAS_SMALL: u32 = 5;
-/// In blocks, 8 bytes a vertex.
-pub const DM_DELTAS_PAIR: u32 = 6;
 
 /// Six float32.
 pub const DM_POSE_FLOAT32: u32 = 1;
@@ -92,10 +88,8 @@ pub const DM_STREAM_MASK: u32 = 6;
 const DELTAS: &[(u32, DeltaFormat)] = &[
     (DM_DELTAS_FLOAT32, DeltaFormat::Float32),
     (DM_DELTAS_SNORM16, DeltaFormat::Snorm16),
-    (DM_DELTAS_BLOCK_FLOAT32, DeltaFormat::BlockFloat32),
     (DM_DELTAS_FAST, DeltaFormat::Fast),
     (DM_DELTAS_SMALL, DeltaFormat::Small),
-    (DM_DELTAS_PAIR, DeltaFormat::Pair),
 ];
 
 const POSES: &[(u32, PoseFormat)] = &[

@@ -299,8 +299,8 @@ pub struct UpdateArgs {
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
     #[arg(help_heading = POSES, long, value_name = "N", default_value_t = 2, value_parser = values::whole(1u32, 64))]
     pub slots: u32,
-    /// Delta formats, separated by commas [default: bench: float32 (on blocks: block-float32), snorm16, fast and
-    /// small; others: fast, or what a .dmorph file holds]
+    /// Delta formats, separated by commas [default: bench: all that a path takes; others: fast, or what a .dmorph file
+    /// holds]
     #[arg(help_heading = POSES, long = "formats", visible_alias = "format", value_name = "FORMAT,…")]
     #[arg(value_delimiter = ',', value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub formats: Vec<DeltaFormat>,

@@ -2,7 +2,7 @@
 //! that update one instance.
 
 use crate::args::poses::Sums;
-use crate::args::values::{BatchSpec, expand_batches, format_on, name};
+use crate::args::values::{BatchSpec, expand_batches, name};
 use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
@@ -397,12 +397,13 @@ pub fn prepare(
     let poses = update.named_poses().map_err(Failure::Usage)?;
     let (named, pose) = (update.paths.first().copied(), poses.first().copied());
     let path = named.unwrap_or(if engine.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
-    let (fits, held) = (|format| format_on(path, format), input.packed.as_ref().map(|mesh| mesh.layout().format));
-    // Fixed-point poses are sums of integers.
+    let fits = |format: &DeltaFormat| path.formats().contains(format);
+    let held = input.packed.as_ref().map(|mesh| mesh.layout().format);
+    // Fixed-point poses are sums of deltas in blocks.
     let holds = |format: &DeltaFormat| pose.is_none_or(|pose| pose.takes(*format));
     let defaults = [DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small, DeltaFormat::Snorm16];
     let mut defaults = held.into_iter().chain(defaults.into_iter().filter(holds));
-    let format = update.formats.first().map_or_else(|| defaults.find_map(fits), |format| fits(*format));
+    let format = update.formats.first().copied().or_else(|| defaults.find(fits)).filter(fits);
     let format = format.ok_or_else(|| {
         let names: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
         Failure::Usage(format!("--format: the path '{}' takes {}", path.name(), names.join(" or ")))

@@ -272,7 +272,7 @@ fn what_cannot_be_is_said_in_a_sentence() {
     for (text, code, says) in [
         ("frames 2\njump\n", 2, "script.txt, line 2: 'jump' is no command"),
         ("frames 2\n\nset noSuchTarget 1\n", 2, "script.txt, line 3: set noSuchTarget"),
-        ("pose fixed16\nformat block-float32", 2, "script.txt, line 2: "),
+        ("pose fixed16\nformat float32", 2, "script.txt, line 2: "),
         ("clip nowhere.csv\n", 2, "script.txt, line 1: "),
         ("screenshot script.txt/x.png\nframes 1", 1, "x.png"),
     ] {

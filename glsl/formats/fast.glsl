@@ -1,15 +1,12 @@
 // fast: 15 bits per component of the first triple, 9 of the second, in two words and a byte. CPU:
 // src/pack/formats/fast.rs.
 
-#define INTEGERS
-#define DELTA ivec3
-
 void decode_fast(uint a, uint b, int c, out ivec3 position, out ivec3 normal) {
     position = ivec3(bitfieldExtract(int(a), 0, 15), bitfieldExtract(int(a), 15, 15), bitfieldExtract(int(b), 0, 15));
     normal = ivec3(bitfieldExtract(int(b), 15, 9), (int(b) >> 24) * 2 + int((a >> 30) & 1u), c * 2 + int(a >> 31));
 }
 
-void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA normal[VERTICES], out uvec2 shifts) {
+void load_entry(uint entry, uint lane, out ivec3 position[VERTICES], out ivec3 normal[VERTICES], out uvec2 shifts) {
     shifts = uvec2(0u);
     uint at = deltas_at + entry * (BLOCK_SIZE / 4u * 9u);
 #ifdef TEXELS

@@ -1,7 +1,5 @@
 // small: as few bits as an entry needs, for the vertices that it moves only. CPU: src/pack/formats/small.rs.
 
-#define INTEGERS
-#define DELTA ivec3
 #ifdef TEXELS
 
 // Three words from word `at` on.
@@ -28,7 +26,7 @@ uint bits_at(uvec4 a, uvec4 b, uint at) {
 // A part is the components that lie within 32 bits of a record: mostly all. A loop over parts in here would store and
 // mask each component once more.
 #define PARTS
-void load_part(uint entry, uint lane, inout uint part, out DELTA position[VERTICES], out DELTA normal[VERTICES],
+void load_part(uint entry, uint lane, inout uint part, out ivec3 position[VERTICES], out ivec3 normal[VERTICES],
                out uvec2 shifts) {
     shifts = uvec2(0u);
     uvec3 header = three_words(3u * entry);
@@ -95,7 +93,7 @@ int next_component(inout uvec3 record, uint word) {
     return least + integer;
 }
 
-void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA normal[VERTICES], out uvec2 shifts) {
+void load_entry(uint entry, uint lane, out ivec3 position[VERTICES], out ivec3 normal[VERTICES], out uvec2 shifts) {
     shifts = uvec2(0u);
     uint header = 3u * entry;
     uint at = deltas_at + asset[header];

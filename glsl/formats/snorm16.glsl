@@ -12,26 +12,12 @@ void decode_snorm16(uvec3 words, out ivec3 position, out ivec3 normal) {
 #ifdef DELTAS_BINDING
 layout(set = 0, binding = DELTAS_BINDING, std430) readonly buffer Deltas { uint deltas[]; };
 
-void load_delta(uint row, out ivec3 position, out ivec3 normal) {
-    decode_snorm16(uvec3(deltas[3u * row], deltas[3u * row + 1u], deltas[3u * row + 2u]), position, normal);
-}
-
 void add_delta(uint row, float coefficient, float normal_coefficient, inout vec3 position, inout vec3 normal) {
     ivec3 p, n;
-    load_delta(row, p, n);
+    decode_snorm16(uvec3(deltas[3u * row], deltas[3u * row + 1u], deltas[3u * row + 2u]), p, n);
     position += coefficient * vec3(p);
     normal += normal_coefficient * vec3(n);
 }
-
-#ifdef INTEGER_POSES
-#include "rounded.glsl"
-void add_rounded(uint row, ivec2 weights, uint dropped, inout ivec3 position, inout ivec3 normal) {
-    ivec3 p, n;
-    load_delta(row, p, n);
-    position += rounded_change(weights, p, dropped & 0xffu);
-    normal += rounded_change(weights, n, dropped >> 8);
-}
-#endif
 #elif BATCH > 0
 layout(location = 2) in uvec3 deltas[BATCH];
 

@@ -151,7 +151,7 @@ mod tests {
     /// Computes the sums in float64, of the added deltas and of the packed ones.
     fn masks(to: &[&dyn Fn(Vec3) -> Vec3], weights: &[f32]) -> Vec<[f32; 2]> {
         let mesh = grid(to);
-        let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::BlockFloat32)).expect("a mesh");
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Float32)).expect("a mesh");
         let place = MaskPlace::of(&packed).expect("masks");
         assert_eq!((place.group, place.first, packed.groups().len()), (1, 0, 2));
         let pose = evaluate_group(&packed.groups()[place.group], weights);

@@ -217,11 +217,11 @@ fn vertices_doubled_at_a_seam_change_no_pixel() {
     assert!(split.vertex_count() > whole.vertex_count(), "the head has a seam");
     let behind = Camera { yaw: 180.0, pitch: 10.0, ..Camera::default() };
     // In float32 both compute the same numbers.
-    let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All);
+    let update = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
     on_every_device(|headless| {
         for show in [Show::Shaded, Show::Normals] {
             let of = |mesh: &MorphMesh| {
-                let packed = packed(headless, mesh, DeltaFormat::BlockFloat32);
+                let packed = packed(headless, mesh, DeltaFormat::Float32);
                 pictures(headless, mesh, &packed, update, &frames(3), (behind, show))
             };
             assert!(of(&whole) == of(&split), "{show:?}");
@@ -351,7 +351,7 @@ fn what_steps_write_is_drawn_as_their_references_say() {
                         }
                         found.extend(stepped.draw(&[weights], &places, &scene, BLACK).expect("a frame"));
                         let given = reference(frame);
-                        let base = self::packed(headless, &given, DeltaFormat::BlockFloat32);
+                        let base = self::packed(headless, &given, DeltaFormat::Fast);
                         let desc = HeadsDesc::new(UpdateDesc::blocks());
                         let mut given = Studio::new(headless, &given, &base, &parts, SIZE, &desc).expect("a studio");
                         given.draw(&[&[]], &places, &scene, BLACK).expect("a frame");

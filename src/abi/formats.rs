@@ -22,36 +22,19 @@ macro_rules! delta_formats {
                 ///
                 /// Three words, one vertex attribute per target. Value = integer × step, with a step for each triple of
                 /// a target: the smallest power of two with which its largest component fits.
-                Snorm16 snorm16 {
-                    words: 3, attributes: &[(R32G32B32_UINT, 0)], exponents: true, integers: true
-                }
+                Snorm16 snorm16 { words: 3, attributes: &[(R32G32B32_UINT, 0)], exponents: true }
             }
             blocks {
-                /// In blocks, six float32: 24 bytes per vertex and entry.
-                ///
-                /// Exact. Not for fixed-point poses.
-                BlockFloat32 block_float32 { id: 1, name: "block-float32" }
-
                 /// In blocks, 9 bytes per vertex and entry.
                 ///
                 /// 15 bits per component in the first triple, 9 in the second, in planes that a kernel reads as three
                 /// words.
-                Fast fast { id: 2, integers: true, texels: true }
+                Fast fast { id: 2 }
 
                 /// In blocks, as few bits as the error allows, for the vertices that move only: the fewest bytes.
                 ///
                 /// Bit widths per entry and component.
-                Small small { id: 3, integers: true, texels: true }
-
-                /// In blocks, 8 bytes per vertex and entry.
-                ///
-                /// 13 bits per component in the first triple, 8 in the second, in two adjacent words that a kernel
-                /// loads at once. Coarser than [`Fast`](Self::Fast) where a target moves far: the step of such an entry
-                /// exceeds the error limits. With the default limits (1e-5 of the diagonal, 0.5°), a face of 57 targets
-                /// (ICT-FaceKit) measured 1.7e-5 and 0.72° (`fast`: 1.0e-5 and 0.50°), one of 52 (facecap) 3.6e-5 and
-                /// 0.77° (`fast`: 1.0e-5 and 0.63°), in 89% of the bytes of `fast`.
-                /// [`BlockIndex::error`](crate::pack::blocks::BlockIndex::error) is the error measured for a mesh.
-                Pair pair { id: 4, integers: true }
+                Small small { id: 3 }
             }
         }
     };
@@ -75,8 +58,7 @@ macro_rules! pose_formats {
             /// Six signed 32-bit integers: 24 bytes per vertex, the exact pose in units.
             ///
             /// Value = offset + integer × unit ([`PoseGrid`](crate::packed::PoseGrid)). Two vertex attributes of three
-            /// integers, at 0 and 12. Needs integer deltas. `snorm16` targets, which
-            /// have different steps, are rounded to the finest unit that fits, as in 16 bits.
+            /// integers, at 0 and 12. Needs deltas in blocks.
             Fixed32 fixed32 { bits: 32, attributes: &[(R32G32B32_SINT, 0), (R32G32B32_SINT, 12)] }
 
             /// Six signed 16-bit integers: 12 bytes per vertex, the pose in units.
@@ -84,7 +66,7 @@ macro_rules! pose_formats {
             /// Value = offset + integer × unit ([`PoseGrid`](crate::packed::PoseGrid)). Each target's contribution is
             /// rounded to the unit as a function of its weight alone, so sums are exact and independent of earlier
             /// poses. A vertex attribute of four integers at 0 (position, first component of the normal) and one of two
-            /// at 8, in formats that every device has. Needs integer deltas.
+            /// at 8, in formats that every device has. Needs deltas in blocks.
             Fixed16 fixed16 { stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)] }
 
             /// As fixed16, 12 bytes per vertex, rounded once: for rigs with many overlapping targets.
@@ -92,7 +74,7 @@ macro_rules! pose_formats {
             /// The sum of all targets is rounded to the unit, not each contribution: off by half a unit, however many
             /// targets are active. So a block that a changed target touches is evaluated in full, from the base pose,
             /// in any [`UpdateMode`](crate::UpdateMode). Stored, drawn and decoded as `Fixed16`
-            /// (`POSE_FIXED16` in shaders). Needs integer deltas in blocks.
+            /// (`POSE_FIXED16` in shaders). Needs deltas in blocks.
             Rebuilt16 rebuilt16 {
                 stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)],
                 modules: "fixed16", rounds_sums: true
@@ -165,19 +147,14 @@ pub struct FormatRow {
     pub file: &'static str,
     /// Id in packed files; 0 for dense formats, which packed files cannot hold.
     pub id: u32,
-    /// A block format; otherwise dense.
+    /// A block format: integers with power-of-two steps for the mesh, so that sums can be exact; otherwise dense.
     pub blocks: bool,
-    /// Deltas are integers with power-of-two steps, per mesh (block formats) or per target (dense), so that sums can be
-    /// exact.
-    pub integers: bool,
     /// 32-bit words per delta (dense formats).
     pub words: u32,
     /// Vertex attributes per target in a vertex pass (dense formats): `VkFormat` and offset.
     pub attributes: &'static [(u32, u32)],
     /// Vertex passes take a signed byte per target: log2 of the ratio of its two steps.
     pub exponents: bool,
-    /// The GLSL file also supports loading entries as texels (block formats; `TEXELS` in blocks.glsl).
-    pub texels: bool,
 }
 
 impl FormatRow {
@@ -188,11 +165,9 @@ impl FormatRow {
             file,
             id: 0,
             blocks: false,
-            integers: false,
             words: 0,
             attributes: &[],
             exponents: false,
-            texels: false,
         }
     }
 

@@ -42,8 +42,6 @@ pub enum Takes {
     DenseBatches,
     /// One module per block format.
     Blocks,
-    /// One module per format that supports loading entries as texels.
-    Texels,
 }
 
 impl Takes {
@@ -53,7 +51,6 @@ impl Takes {
             Self::NoDeltas => false,
             Self::Dense | Self::DenseBatches => !format.blocks,
             Self::Blocks => format.blocks,
-            Self::Texels => format.texels,
         }
     }
 }
@@ -126,7 +123,7 @@ pub struct KernelRow {
 impl KernelRow {
     /// Whether there are modules for this delta format (`None`: reads no deltas) and pose format.
     pub fn takes(&self, format: Option<&FormatRow>, pose: &PoseRow) -> bool {
-        let poses = pose.bits == 0 || self.poses && format.is_none_or(|format| format.integers);
+        let poses = pose.bits == 0 || self.poses && format.is_none_or(|format| format.blocks);
         poses && format.map_or(self.takes == Takes::NoDeltas, |format| self.takes.takes(format))
     }
 
@@ -249,9 +246,8 @@ after_steps!(kernels {
         DENSE,
         KernelRow {
             name: "dense_list",
-            bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(16))],
+            bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(12))],
             push: "DenseListPush",
-            poses: true,
             constants: 0,
             ..DENSE
         },
@@ -261,7 +257,6 @@ after_steps!(kernels {
         // The same for software drivers. Poses are bound twice: as pairs of words for stores, as texels for loads.
         KernelRow {
             name: "crowd_texels",
-            takes: Takes::Texels,
             bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, WORD_TEXELS)],
             aliased: &[2, 3],
             constants: 4,

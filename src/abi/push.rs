@@ -77,14 +77,10 @@ after_steps!(structures {
     /// An entry of the coefficient list of `dense_list.comp`.
     pub struct DenseListEntry {
         target: u32,
-        /// Coefficient of positions, a float32 in quantised units. Fixed-point poses: the new weight in steps of the
-        /// grid.
-        coefficient: u32,
-        /// Coefficient of normals. Fixed-point poses: the applied weight.
-        normal_coefficient: u32,
-        /// Fixed-point poses: low bits of products that rounding drops, of positions in bits 0..8, of normals in bits
-        /// 8..16.
-        dropped: u32,
+        /// Coefficient of positions, in quantised units.
+        coefficient: f32,
+        /// Coefficient of normals, in quantised units.
+        normal_coefficient: f32,
     }
 
     /// Push constants of `crowd.comp`.

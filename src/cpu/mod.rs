@@ -11,7 +11,6 @@ mod workers;
 use crate::crowd::{CrowdBase, Kind, TakesWeights};
 use crate::error::{Error, Result, refuse};
 use crate::pack::blocks::PoseGrid;
-use crate::pack::poses::with_pose;
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Source, Work};
@@ -19,8 +18,6 @@ use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
 use crate::update::blocks::{GroupPlan, Item, Planner};
 use crate::update::dense::{DensePlanner, Plan};
-use crate::weights::delta::Coefficient;
-use bytemuck::Pod;
 use std::borrow::Cow;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
@@ -95,8 +92,8 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// Errors of [`UpdateDesc::check`]; a path other than [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads
-    /// that cannot be started; not enough memory for the poses. Dense formats: an error budget, or fixed-point poses of
-    /// float32 deltas. Block formats: fixed-point poses that could overflow.
+    /// that cannot be started; not enough memory for the poses. Dense formats: an error budget, or fixed-point poses.
+    /// Block formats: fixed-point poses that could overflow.
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: u32, threads: usize) -> Result<Self> {
         desc.check_all(mesh.layout(), Runner::Cpu)?;
         let layout = mesh.layout();
@@ -105,7 +102,7 @@ impl CpuCrowd {
         let workers = Workers::new(threads)?;
         let instances = Instances::new(count, layout.targets.len(), desc.slots, 1);
         let planner = match &layout.blocks {
-            None => CpuPlanner::Dense(DensePlanner::new(desc, desc.grid(layout)?, count)?),
+            None => CpuPlanner::Dense(DensePlanner::new(desc, count)?),
             Some(_) => CpuPlanner::Blocks(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), count)?),
         };
         let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, count));
@@ -219,38 +216,15 @@ impl Memory {
         }
     }
 
+    /// Executes the passes over float32 poses, one piece of the mesh at a time: from the second instance on its deltas
+    /// are cached.
     fn run_passes(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan]) {
-        let base = std::mem::take(&mut self.base);
-        match self.grid {
-            Some(grid) => with_pose!(self.format, P => {
-                let base_pose = bytemuck::cast_slice(&base);
-                self.run_numbers(mesh, workers, plans, base_pose, |coefficients, first, source, out| {
-                    kernel::rounded::<P>(mesh, coefficients, grid, first, source, out);
-                });
-            }),
-            None => self.run_numbers(mesh, workers, plans, mesh.base(), |coefficients, first, source, out| {
-                kernel::dense(mesh, coefficients, first, source, out);
-            }),
-        }
-        self.base = base;
-    }
-
-    /// Executes the passes with `run`, one piece of the mesh at a time: from the second instance on its deltas are
-    /// cached.
-    fn run_numbers<T: Pod + Send + Sync>(
-        &mut self,
-        mesh: &PackedGroup,
-        workers: &Workers,
-        plans: &[Plan],
-        base: &[T],
-        run: impl Fn(&[Coefficient], usize, Option<&[T]>, &mut [T]) + Sync,
-    ) {
         let changed =
             || (0..).step_by(self.slots).zip(plans).filter_map(|(at, plan)| Some((at, plan, plan.passes.first()?)));
         let places: Vec<_> = changed().map(|(at, _, pass)| at + pass.destination as usize).collect();
         let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
         let source = |at: usize, pass: &Work| match pass.source {
-            Source::Base => Some(base),
+            Source::Base => Some(mesh.base()),
             Source::Slot(slot) if slot == pass.destination => None,
             Source::Slot(slot) => Some(bytemuck::cast_slice(&self.poses[at + slot as usize])),
         };
@@ -259,7 +233,7 @@ impl Memory {
         let mut pieces = mesh.layout().chunks().flat_map(|(first, vertices)| {
             (0..vertices).step_by(piece).map(move |at| (first + at, piece.min(vertices - at)))
         });
-        let mut rest: Vec<&mut [T]> = poses.iter_mut().map(|pose| bytemuck::cast_slice_mut(pose)).collect();
+        let mut rest: Vec<&mut [f32]> = poses.iter_mut().map(|pose| bytemuck::cast_slice_mut(pose)).collect();
         let jobs = std::iter::from_fn(|| {
             let (first, vertices) = pieces.next()?;
             let words = ..vertices * POSE_FLOATS;
@@ -270,7 +244,7 @@ impl Memory {
                 // Later passes run in place.
                 let mut source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
                 for pass in &plan.passes {
-                    run(plan.coefficients_of(pass), first, source.take(), out);
+                    kernel::dense(mesh, plan.coefficients_of(pass), first, source.take(), out);
                 }
             }
         });

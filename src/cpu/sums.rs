@@ -4,7 +4,7 @@ use super::simd::widest;
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
 use crate::pack::formats::BlockFormat;
-use crate::pack::poses::sums::{Number, Sum};
+use crate::pack::poses::sums::Sum;
 use std::ops::Range;
 
 /// Numbers of a block of `S` vertices, by component.
@@ -20,7 +20,7 @@ pub(super) const BATCH: usize = 8;
 pub(super) type Added<T> = (usize, [<T as Sum>::Factor; TRIPLES]);
 
 /// Decodes the deltas of an entry; 0 for omitted vertices.
-pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
+pub(super) fn decode<T: Sum, F: BlockFormat, const S: usize>(
     format: &F,
     header: &[u32],
     deltas: &[u32],
@@ -32,13 +32,13 @@ pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
         header,
         deltas,
         #[inline(always)]
-        |lane, c, number| out[c][lane] = T::Delta::of(number),
+        |lane, c, number| out[c][lane] = T::delta(number),
     ));
 }
 
 /// Adds an entry to `sums` while decoding it: the deltas of `lanes`, which are all that it moves.
 #[inline(always)]
-pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: usize, const NEW: bool>(
+pub(super) fn add_decoded<T: Sum, F: BlockFormat, const S: usize, const NEW: bool>(
     format: &F,
     (header, deltas, lanes): (&[u32], &[u32], Range<usize>),
     factors: [T::Factor; TRIPLES],
@@ -53,7 +53,7 @@ pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: us
         #[inline(always)]
         |lane, c, number| {
             let triple = c / TRIPLE;
-            sums[c][lane] = sums[c][lane].add::<NEW>(factors[triple], T::Delta::of(number));
+            sums[c][lane] = sums[c][lane].add::<NEW>(factors[triple], T::delta(number));
         },
     );
 }

@@ -189,8 +189,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
     let exact = UpdateDesc { pose: PoseFormat::Fixed32, ..cpu };
     let set = |desc, instance, weights| crowd(DeltaFormat::Small, desc, 1).unwrap().set_weights(instance, weights);
     for (result, words) in [
-        (make(DeltaFormat::Float32, exact), &["fixed32 poses of float32 deltas", "'snorm16'"][..]),
-        (make(DeltaFormat::BlockFloat32, exact), &["pack as"]),
+        (make(DeltaFormat::Float32, exact), &["fixed32 poses of float32 deltas", "pack in blocks"][..]),
         (make(DeltaFormat::Snorm16, cpu.pose(PoseFormat::Rebuilt16)), &["rebuilt16 poses of snorm16", "in blocks"]),
         (make(DeltaFormat::Float32, UpdateDesc { path: UpdatePath::Compute, ..cpu }), &["'compute' for a CpuCrowd"]),
         (make(DeltaFormat::Fast, UpdateDesc { weight_max: Some(-1.0), ..exact }), &["weights up to -1", "above 0"]),

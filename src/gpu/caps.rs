@@ -299,7 +299,7 @@ impl DeviceCaps {
     pub fn takes_texels(&self, format: DeltaFormat) -> bool {
         // A view of four-word texels then covers everything that a storage descriptor covers.
         let views = u64::from(self.max_texels) >= self.max_storage_range / 16;
-        self.tuning.texels && self.int64 && views && format.row().texels
+        self.tuning.texels && self.int64 && views && format.is_blocks()
     }
 
     /// The capabilities of a queue family.

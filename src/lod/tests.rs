@@ -107,7 +107,7 @@ fn orders_are_those_of_the_mean_square_with_pins_in_front() {
     let pinned = Importance::of(&mesh, &["target_2", "target_5"]).unwrap();
     assert_eq!((&pinned.order()[..2], pinned.level_for(1.0, f32::MAX)), (&[5, 2][..], 2));
     // Packed in float32, deltas are the same.
-    let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::BlockFloat32)).unwrap();
+    let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Float32)).unwrap();
     assert_eq!(Importance::of_packed(&packed, &["target_2", "target_5"]).unwrap(), pinned);
     let names: Vec<&str> = pinned.order().iter().map(|t| mesh.targets[*t as usize].name.as_str()).collect();
     assert_eq!(Importance::in_order(&packed, &names, 2).unwrap(), pinned);

@@ -46,18 +46,6 @@ pub struct PoseGrid {
     pub(crate) decoding: [f64; TRIPLES],
 }
 
-/// A target's contribution to a fixed-point pose, for integer deltas d: q(new) − q(old), where q(w) = (w · d + half) >>
-/// dropped.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Term {
-    /// The new weight in steps of the grid; at most 2^15.
-    pub new: i32,
-    /// The applied weight.
-    pub old: i32,
-    /// By triple; at most 31.
-    pub dropped: [u32; TRIPLES],
-}
-
 /// What the poses of neighbouring vertices reach, by component.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reached {
@@ -80,16 +68,13 @@ pub(crate) struct Sums {
     pub format: DeltaFormat,
     /// Delta steps by triple; powers of two.
     pub steps: [f32; TRIPLES],
-    /// Dense formats, whose steps differ by target: log2 of coarsest step / finest step (`steps`), by triple. `None` in
-    /// block formats: one step for the mesh, and shifted integers.
-    pub coarsest: Option<[u32; TRIPLES]>,
     /// The components of each stream of directions.
     pub directions: Vec<Range<usize>>,
     /// By block of vertices.
     pub reached: Vec<Reached>,
     /// The largest numbers of the group.
     pub largest: Largest,
-    /// Upper bound on the targets that move a vertex; block formats count those that touch its block.
+    /// Upper bound on the targets that move a vertex: those that touch its block.
     pub targets: usize,
     /// Default largest weight of 32-bit poses.
     pub weight_max: f32,
@@ -150,18 +135,6 @@ impl PoseGrid {
         base.iter().enumerate().map(integer).collect()
     }
 
-    /// The term of a target with 16-bit deltas in these `steps`, from applied weight `held` to `weight`.
-    pub(crate) fn term(&self, held: f32, weight: f32, steps: [f32; TRIPLES]) -> Term {
-        let [old, new] = [held, weight].map(|weight| self.steps(weight));
-        let dropped = [0, 1].map(|triple| {
-            let product = f64::from(steps[triple]) * f64::from(self.weight_step());
-            // The quotient of powers of two is exact. A step coarser than the unit belongs to a target that does not
-            // move the triple. From 31 bits on, no product reaches half a unit: both terms are 0.
-            (f64::from(self.units[triple * TRIPLE]) / product).log2().clamp(0.0, 31.0) as u32
-        });
-        Term { new, old, dropped }
-    }
-
     /// How far rounding the components of a triple, and decoding them, moves a vertex.
     fn rounding(&self, triple: usize, targets: usize) -> f32 {
         let half = f64::from(self.units[triple * TRIPLE]) * 0.75f64.sqrt();
@@ -172,14 +145,10 @@ impl PoseGrid {
     }
 }
 
-/// The error for formats of which one is float32, or for sums of dense deltas that would be rounded once.
+/// The error for float32 poses, or deltas that are not in blocks.
 pub(super) fn refused(deltas: DeltaFormat, pose: PoseFormat) -> Error {
     let text = format!("{} poses of {} deltas as integer sums", pose.name(), deltas.name());
-    let remedy = match pose.row().rounds_sums {
-        true => "pack in blocks, as 'fast' or 'small'",
-        false => "pack as 'fast', 'small' or, dense, 'snorm16', and use fixed32 or fixed16 poses",
-    };
-    Error::invalid(text, remedy)
+    Error::invalid(text, "pack in blocks, as 'fast' or 'small', and use fixed32, fixed16 or rebuilt16 poses")
 }
 
 /// The components of each stream of directions.
@@ -234,7 +203,7 @@ impl Sums {
     ) -> Self {
         let directions = directions(streams);
         let largest = Largest::default();
-        Self { format, steps, coarsest: None, directions, reached, largest, targets: 0, weight_max }
+        Self { format, steps, directions, reached, largest, targets: 0, weight_max }
     }
 
     /// Takes the base pose of `vertices` vertices, in blocks of `size`, and the largest numbers of the group.
@@ -263,21 +232,17 @@ impl Sums {
     /// The most bits of weights up to `weight_max` with which no product or sum overflows before rounding, where these
     /// are the `largest` numbers of the mesh.
     fn weight_bits(&self, pose: PoseFormat, weight_max: f32, largest: Largest) -> Result<u32> {
-        let dense = self.coarsest.is_some();
-        // With rounding, the limits leave room for the half unit: dense deltas have 16 bits, so a product with 2^15 has
-        // one spare bit.
+        // With rounding, the limits leave room for the half unit.
         let half = if pose.row().bits < i32::BITS { HALF } else { 0 };
         let most = f64::from(i32::MAX - half);
-        let (most_steps, most, base) = match (dense, pose.rounds_products()) {
-            (true, _) => (32768.0, f64::INFINITY, 0.0),
-            (false, true) => (f64::from(i16::MAX), most, 0.0),
-            (false, false) => (f64::INFINITY, most - 1.0, largest.base),
+        let (most_steps, most, base) = match pose.rounds_products() {
+            true => (f64::from(i16::MAX), most, 0.0),
+            false => (f64::INFINITY, most - 1.0, largest.base),
         };
         let steps = |bits: u32| weight_steps(weight_max, bits);
         let fits = weight_max > 0.0 && steps(*WEIGHT_BITS.start()) <= most_steps;
         let text = format!("weights up to {weight_max} for {} poses", pose.name());
-        let wider = if dense { "deltas in blocks" } else { "fixed32 poses" };
-        ensure!(fits, text, format!("use a weight_max above 0 and up to 255, or {wider}"));
+        ensure!(fits, text, "use a weight_max above 0 and up to 255, or fixed32 poses");
         // Deltas move the offset, too.
         let total =
             |bits: u32| largest.sum * steps(bits) * (1.0 + f64::from(f32::EPSILON)) + base * f64::from(1u32 << bits);
@@ -289,7 +254,7 @@ impl Sums {
     /// The grid for the mesh's weights, up to `weight_max` in steps of 2^-`weight_bits`.
     fn place(&self, pose: PoseFormat, weight_max: f32, weight_bits: u32) -> Result<PoseGrid> {
         let PoseRow { bits, rounds_sums, .. } = *pose.row();
-        let rounds = bits < i32::BITS || self.coarsest.is_some();
+        let rounds = bits < i32::BITS;
         let mut grid = PoseGrid {
             weight_bits,
             weight_max,
@@ -325,12 +290,8 @@ impl Sums {
         let most = f64::from(u32::MAX >> (u32::BITS - bits + 1));
         let unit = |dropped: u32| product * f64::from(dropped).exp2();
         let fits = |dropped: &u32| half / unit(*dropped) + roundings as f64 / 2.0 <= most;
-        let (least, all) = match self.coarsest {
-            Some(coarsest) => (coarsest[triple], u8::MAX.into()),
-            None => (0, DROPPED),
-        };
         let rounds = grid.rounds_sums || grid.rounds_terms;
-        let dropped = if rounds { (least..=least + all).find(fits) } else { Some(0) };
+        let dropped = if rounds { (0..=DROPPED).find(fits) } else { Some(0) };
         let Some(dropped) = dropped else {
             let (targets, reach) = (self.targets, half / f64::from(self.steps[triple]));
             let what = format!("of which {targets} targets move a vertex, {reach:.0} steps from the middle at most");
@@ -339,7 +300,7 @@ impl Sums {
                 "use float32 poses, or pack with larger errors",
             );
         };
-        if rounds && self.coarsest.is_none() {
+        if rounds {
             grid.raised[triple] = DROPPED - dropped;
         }
         grid.units[components].fill(unit(dropped) as f32);

@@ -179,7 +179,11 @@ mod tests {
             let mesh = head(&desc).to_mesh(Tolerance::default()).expect("a mesh");
             let formats = [DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Float32, DeltaFormat::Snorm16];
             let packed = PackedMesh::pack(&mesh, &PackDesc::new(formats[head_seed % 4])).expect("a mesh that fits");
-            let pose = if head_seed % 3 == 0 && head_seed % 4 != 2 { PoseFormat::Fixed32 } else { PoseFormat::Float32 };
+            let pose = if head_seed % 3 == 0 && packed.layout().format.is_blocks() {
+                PoseFormat::Fixed32
+            } else {
+                PoseFormat::Float32
+            };
             let update = UpdateDesc::blocks().pose(pose).weight_max(Some(4.0));
             let bounds = WeightBounds::new(&packed, &update).expect("a grid");
             let grid = update.grid(packed.layout()).expect("a grid");

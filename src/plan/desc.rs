@@ -78,8 +78,8 @@ pub struct UpdateDesc {
     pub slots: u32,
     /// The pose format. Float32 accumulates rounding errors. Fixed-point poses are exact sums on a grid of weights and
     /// deltas ([`PoseGrid`](crate::pack::blocks::PoseGrid)), bit for bit equal to a full evaluation after any number of
-    /// updates, in any order, on any driver; they need a delta format with integer deltas, and `blocks`, `compute` or
-    /// `cpu` ([`PoseFormat::takes`]).
+    /// updates, in any order, on any driver; they need deltas in blocks, and `blocks` or `cpu`
+    /// ([`PoseFormat::takes`]).
     pub pose: PoseFormat,
     /// Largest position error from float32 accumulation, as a fraction of
     /// [`MorphMesh::diagonal`](crate::MorphMesh::diagonal) (block formats). A block whose tracked bound would exceed it

@@ -112,10 +112,7 @@ update_paths! {
         /// Compute passes
         ///
         /// The first pass reads the current slot and writes the next; the others run in place.
-        Compute "compute" {
-            batch: Batch::PushConstants,
-            poses: &[PoseFormat::Float32, PoseFormat::Fixed32, PoseFormat::Fixed16]
-        };
+        Compute "compute" { batch: Batch::PushConstants };
         /// Compute, for the blocks of vertices that a changed target touches, and no others
         ///
         /// One workgroup per block. Takes block formats. The default choice on a GPU.
@@ -124,7 +121,7 @@ update_paths! {
     host {
         /// SIMD and threads, without Vulkan
         ///
-        /// Takes every format.
+        /// Takes every delta format; fixed-point poses with block formats only.
         Cpu "cpu" { formats: &DeltaFormat::ALL, poses: &PoseFormat::ALL };
     }
     baselines {
@@ -203,7 +200,7 @@ impl UpdatePath {
         self.row().formats
     }
 
-    /// The pose formats it supports; fixed-point ones only with integer deltas.
+    /// The pose formats it supports; fixed-point ones only with deltas in blocks.
     pub const fn poses(self) -> &'static [PoseFormat] {
         self.row().poses
     }

@@ -7,8 +7,6 @@ pub struct Coefficient {
     pub target: u32,
     /// Weight or delta weight.
     pub value: f32,
-    /// The applied weight of the source pose, to which `value` is added; 0 in a full evaluation.
-    pub held: f32,
 }
 
 /// Appends the changed targets (`weight ≠ applied weight`) with their delta weights, ascending by target.
@@ -23,7 +21,7 @@ pub fn active_targets(weights: &[f32], out: &mut Vec<Coefficient>) {
 
 fn differences(weights: &[f32], applied: impl Iterator<Item = f32>, out: &mut Vec<Coefficient>) {
     let changed = weights.iter().zip(applied).enumerate().filter(|(_, (w, a))| *w != a);
-    out.extend(changed.map(|(target, (w, a))| Coefficient { target: target as u32, value: w - a, held: a }));
+    out.extend(changed.map(|(target, (w, a))| Coefficient { target: target as u32, value: w - a }));
 }
 
 #[cfg(test)]
@@ -32,11 +30,11 @@ mod tests {
 
     #[test]
     fn only_what_changed_or_is_active_is_listed() {
-        let listed = |out: Vec<Coefficient>| out.iter().map(|c| (c.target, c.value, c.held)).collect::<Vec<_>>();
+        let listed = |out: Vec<Coefficient>| out.iter().map(|c| (c.target, c.value)).collect::<Vec<_>>();
         let (mut changed, mut active) = (vec![], vec![]);
         changed_targets(&[0.5, -0.25, 0.0, 1.0], &[0.5, 0.25, -0.0, 0.0], &mut changed);
-        assert_eq!(listed(changed), [(1, -0.5, 0.25), (3, 1.0, 0.0)]);
+        assert_eq!(listed(changed), [(1, -0.5), (3, 1.0)]);
         active_targets(&[0.0, -0.1, 1.5, -0.0], &mut active);
-        assert_eq!(listed(active), [(1, -0.1, 0.0), (2, 1.5, 0.0)]);
+        assert_eq!(listed(active), [(1, -0.1), (2, 1.5)]);
     }
 }

@@ -208,10 +208,10 @@ fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
         let cases = [
             (blocks(DeltaFormat::Fast, PoseFormat::Float32, 2), 3, false),
             (blocks(DeltaFormat::Small, PoseFormat::Float32, 1), 1, false),
-            (blocks(DeltaFormat::BlockFloat32, PoseFormat::Float32, 2), 1, true),
+            (blocks(DeltaFormat::Fast, PoseFormat::Float32, 2), 1, true),
             (blocks(DeltaFormat::Small, PoseFormat::Float32, 3), 2, true),
             (blocks(DeltaFormat::Fast, PoseFormat::Fixed32, 2), 3, true),
-            (blocks(DeltaFormat::Pair, PoseFormat::Fixed16, 2), 2, false),
+            (blocks(DeltaFormat::Small, PoseFormat::Fixed16, 2), 2, false),
             (blocks(DeltaFormat::Fast, PoseFormat::Fixed16, 2), 3, true),
         ];
         for ((format, update), heads, with_streams) in cases {

@@ -181,7 +181,7 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
     let mut descs = vec![];
     if format.is_blocks() {
         descs.push(UpdateDesc::blocks().tolerance(1e-2));
-        descs.extend(fixed().into_iter().filter(|desc| desc.pose.takes(format)));
+        descs.extend(fixed());
         return descs;
     }
     for path in [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::VertexStore] {
@@ -196,17 +196,9 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
         descs.extend(sizes.into_iter().map(|b| UpdateDesc::new(path, BatchSize::Targets(b))));
         if path == UpdatePath::Compute {
             descs.push(UpdateDesc::new(path, BatchSize::All));
-            let passes = [BatchSize::All, BatchSize::Targets(1), BatchSize::Targets(3)];
-            let poses = passes.into_iter().flat_map(|batch| fixed().map(|desc| desc.path(path).batch(batch)));
-            descs.extend(poses.filter(|desc| desc.pose.takes(format)));
         }
     }
     descs
-}
-
-/// Returns the device path for a format that has fixed-point poses.
-pub fn path_of(format: DeltaFormat) -> UpdatePath {
-    if format.is_blocks() { UpdatePath::Blocks } else { UpdatePath::Compute }
 }
 
 /// Returns updates with fixed-point poses, in each format, that can hold the [`weights`].

@@ -15,7 +15,6 @@ fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
     let [fixed32, fixed16, rebuilt16] = gpu::fixed();
     let mut list = vec![
         (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8))),
-        (DeltaFormat::BlockFloat32, blocks),
         (DeltaFormat::Fast, blocks),
         (DeltaFormat::Fast, fixed32),
         (DeltaFormat::Fast, fixed16),
@@ -24,9 +23,6 @@ fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
         (DeltaFormat::Small, fixed32.slots(1)),
         (DeltaFormat::Small, fixed16.slots(3)),
         (DeltaFormat::Small, rebuilt16.slots(1)),
-        (DeltaFormat::Pair, blocks.slots(1)),
-        (DeltaFormat::Pair, fixed32.slots(3)),
-        (DeltaFormat::Pair, fixed16.slots(1)),
     ];
     if engine.caps().transform_feedback.is_some() {
         list.push((DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(4))));
@@ -117,8 +113,7 @@ fn a_crowd_in_several_descriptor_ranges() {
         gpu::on_device_within(&driver, Some(limits), |headless, engine| {
             let texels = wide && headless.caps().tuning.texels;
             assert_eq!(headless.caps().takes_texels(DeltaFormat::Fast), texels, "{driver}");
-            let formats = [DeltaFormat::Fast, DeltaFormat::BlockFloat32];
-            for (format, desc) in kernels(engine).into_iter().filter(|(format, _)| formats.contains(format)) {
+            for (format, desc) in kernels(engine).into_iter().filter(|(format, _)| *format == DeltaFormat::Fast) {
                 let mesh = packed(engine, format);
                 let mut crowd = crowd(headless, &mesh, desc, 19);
                 for frame in 0..3 {

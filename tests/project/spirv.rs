@@ -219,8 +219,8 @@ fn modules_declare_what_the_table_says() {
                 Buffer::Poses if name.contains("fixed") => Bound::Elements(4), // int, uint
                 Buffer::Poses => Bound::Elements(8),                           // vec2
                 Buffer::DynamicDeltas => match format {
-                    Some(format) if format.integers => Bound::Elements(4), // uint
-                    _ => Bound::Elements(8),                               // vec2
+                    Some(format) if format.exponents => Bound::Elements(4), // uint
+                    _ => Bound::Elements(8),                                // vec2
                 },
                 Buffer::UniformTexels(_) => Bound::Texels { stored: false },
                 Buffer::StorageTexels(_) => Bound::Texels { stored: true },
@@ -329,8 +329,7 @@ fn structures_in_buffers_are_the_hosts() {
         assert_eq!(members(element.as_struct().unwrap()), expected, "{}", module.name);
         seen += 1;
     }
-    // Float32 poses of both dense formats, fixed-point poses of snorm16.
-    assert_eq!(seen, DeltaFormat::DENSE.len() + 2);
+    assert_eq!(seen, DeltaFormat::DENSE.len());
     assert_eq!(size_of::<HeadRecord>(), 4 * RECORD_WORDS as usize);
 }
 

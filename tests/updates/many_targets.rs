@@ -86,7 +86,7 @@ fn walk(mesh: &MorphMesh, format: DeltaFormat) {
 fn hundreds_of_overlapping_targets_come_out_as_requested() {
     let head = head(&HeadDesc::default().vertices(1500).targets(600).sparsity(0.6).seed(3));
     let head = head.to_mesh(Tolerance::default()).expect("a mesh");
-    for format in [DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::BlockFloat32] {
+    for format in DeltaFormat::BLOCKS {
         walk(&head, format);
     }
     if let Some((mesh, _)) = data::face("aura_rebuilt", "compskin_30fps.csv") {

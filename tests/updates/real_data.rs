@@ -16,18 +16,16 @@ fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"))
 }
 
-/// Combinations of delta formats, pose formats and numbers of slots. Whole clips of all 30 take minutes (`.ci/deep`
+/// Combinations of delta formats, pose formats and numbers of slots. Whole clips of all 24 take minutes (`.ci/deep`
 /// plays them); proptests in src/cpu, tests/techniques/poses.rs and tests/updates/integers.rs cover the rest.
 fn blocks() -> Vec<(DeltaFormat, UpdateDesc)> {
     let all = [
-        (DeltaFormat::BlockFloat32, PoseFormat::Float32, 2),
         (DeltaFormat::Fast, PoseFormat::Float32, 2),
         (DeltaFormat::Fast, PoseFormat::Fixed32, 3),
         (DeltaFormat::Fast, PoseFormat::Fixed16, 2),
         (DeltaFormat::Small, PoseFormat::Float32, 1),
         (DeltaFormat::Small, PoseFormat::Fixed32, 1),
         (DeltaFormat::Small, PoseFormat::Fixed16, 2),
-        (DeltaFormat::Pair, PoseFormat::Fixed32, 2),
     ];
     let of = |(format, pose, slots)| (format, UpdateDesc::blocks().pose(pose).slots(slots));
     all.into_iter().map(of).chain([rebuilt()]).collect()

@@ -141,12 +141,11 @@ impl DeltaTexels {
 
     /// Chooses the format of the numbers on the device.
     pub(super) fn texel(&self) -> Texel {
-        match self.format.has_integers() {
-            true => Texel::Integers,
-            false if self.deltas.as_flattened().iter().all(|x| f16::from_f32(*x).to_f32().to_bits() == x.to_bits()) => {
-                Texel::Half
-            }
-            false => Texel::Single,
+        let is_half = |x: &f32| f16::from_f32(*x).to_f32().to_bits() == x.to_bits();
+        match self.format {
+            DeltaFormat::Snorm16 => Texel::Integers,
+            _ if self.deltas.as_flattened().iter().all(is_half) => Texel::Half,
+            _ => Texel::Single,
         }
     }
 

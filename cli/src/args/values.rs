@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use deltamorph::{BatchSize, DeltaFormat, UpdateMode, UpdatePath};
+use deltamorph::{BatchSize, UpdateMode, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 use std::collections::BTreeSet;
 
@@ -35,13 +35,6 @@ pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {
         UpdateMode::Incremental => "From the pose in the buffer, applying the changed targets",
         UpdateMode::Rebuild => "From the base pose, applying all active targets",
     })
-}
-
-/// `format` on `path`, for which float32 may mean that of blocks; `None` if the path does not support it.
-pub fn format_on(path: UpdatePath, format: DeltaFormat) -> Option<DeltaFormat> {
-    let of_blocks = (path, format) == (UpdatePath::Blocks, DeltaFormat::Float32);
-    let format = if of_blocks { DeltaFormat::BlockFloat32 } else { format };
-    path.formats().contains(&format).then_some(format)
 }
 
 /// An error budget as the command line states it.

@@ -2,7 +2,7 @@
 
 use super::record::Skipped;
 use crate::args::bench::BenchArgs;
-use crate::args::values::{BatchSpec, expand_batches, format_on};
+use crate::args::values::{BatchSpec, expand_batches};
 use crate::runner::Gpu;
 use deltamorph::{BatchSize, DeltaFormat, PoseFormat, UpdateDesc, UpdateMode, UpdatePath};
 
@@ -54,7 +54,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             continue;
         }
         let before = (configs.len(), skipped.len());
-        for format in formats.iter().filter_map(|f| format_on(path, *f)) {
+        for format in formats.iter().copied().filter(|format| path.formats().contains(format)) {
             let batch_max = gpu.and_then(|gpu| gpu.caps().batch_max(path, format));
             let max = batch_max.unwrap_or(0);
             // A draw evaluates all active targets: there are no batch sizes.
@@ -65,11 +65,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let on_path = |pose: &PoseFormat| update.pose_on(path, *pose).ok();
             let poses: Vec<PoseFormat> = wanted.poses.iter().filter(held).filter_map(on_path).collect();
             for batch in batches {
-                // Coefficients of fixed-point poses lie in lists: smaller batches only add passes, and one size is
-                // enough.
-                let all = path != UpdatePath::Compute || batch == BatchSize::All || sizes_named;
-                let poses = || poses.iter().filter(move |pose| all || !pose.has_integers());
-                for (&mode, &pose) in modes.iter().flat_map(|mode| poses().map(move |pose| (mode, pose))) {
+                for (&mode, &pose) in modes.iter().flat_map(|mode| poses.iter().map(move |pose| (mode, pose))) {
                     let desc = UpdateDesc::new(path, batch)
                         .mode(mode)
                         .slots(update.slots)
@@ -78,8 +74,6 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
                         .weight_max(update.pack.weight_max)
                         .error_budget(if format.is_blocks() { wanted.error_budget } else { 0.0 });
                     match desc.check() {
-                        // Two names of one format are one configuration.
-                        Ok(()) if configs.iter().any(|c| (c.desc, c.format) == (desc, format)) => {}
                         Ok(()) => configs.push(Config { desc, format, batch_max, separate: false, animated: false }),
                         Err(e) => {
                             let what = format!("{} batch {batch}", path.name());
@@ -103,8 +97,8 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let formats: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
             let poses = match path {
                 UpdatePath::Scatter => "--accumulate exact",
-                UpdatePath::Blocks | UpdatePath::Cpu | UpdatePath::Compute => {
-                    "--poses float32 (snorm16, fast, small and pair also fixed32, fixed16; all but snorm16 rebuilt16)"
+                UpdatePath::Blocks | UpdatePath::Cpu => {
+                    "--poses float32 (fast and small also fixed32, fixed16, rebuilt16)"
                 }
                 _ => "--poses float32",
             };

@@ -25,8 +25,6 @@ const FULL: [BatchSpec; 2] = [Range(1, None), All];
 const FULL_OF_FEW: [BatchSpec; 3] = [Size(8), Max, All];
 /// Default paths. Baselines have a suite of their own.
 const PATHS: [UpdatePath; 4] = [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::Blocks, UpdatePath::Cpu];
-/// Default formats.
-const FORMATS: [DeltaFormat; 4] = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Fast, DeltaFormat::Small];
 /// Default pose formats: the first, with `--full` both.
 const POSES: [PoseFormat; 2] = [PoseFormat::Float32, PoseFormat::Fixed32];
 
@@ -111,7 +109,7 @@ fn wanted(
     let (args, update) = (session.args, &session.args.update);
     let wanted = Wanted {
         paths: &update.paths_or(&PATHS),
-        formats: if update.formats.is_empty() { &FORMATS } else { &update.formats },
+        formats: if update.formats.is_empty() { &DeltaFormat::ALL } else { &update.formats },
         poses,
         modes: &update.modes,
         sizes: if args.batch_sizes.is_empty() { sizes } else { &args.batch_sizes },

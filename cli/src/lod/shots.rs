@@ -31,8 +31,8 @@ impl<'a> Shots<'a> {
     pub fn new(gpu: &'a Gpu, input: &Input, path: Option<&Path>, clips: &[BoundClip]) -> Result<Self, Failure> {
         let mesh = &input.kept;
         let subject = Subject::of_mesh(path, mesh);
-        // Exact deltas, and poses that do not depend on earlier ones.
-        let packed = Arc::new(PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?);
+        // Poses that do not depend on earlier ones. Rounding deltas moves vertices by much less than a pixel.
+        let packed = Arc::new(PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::Fast))?);
         let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
         let desc = HeadsDesc { frames: 3, ..HeadsDesc::new(update) };
         let camera = Camera { yaw: input.front, pitch: 0.0, ..Camera::default() };

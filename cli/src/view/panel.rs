@@ -6,7 +6,7 @@ use super::state::{Notice, State};
 use super::style::{DIM, ERROR, INK, PANEL};
 use super::{hands, plot, sliders};
 use crate::args::render::Look;
-use crate::args::values::{format_on, name, summary};
+use crate::args::values::{name, summary};
 use crate::table::thousands;
 use clap::ValueEnum;
 use deltamorph::import;
@@ -222,11 +222,11 @@ const POSES: (&str, &str) = (
 
 fn ways(ui: &mut Ui, about: &About<'_>, done: &mut Vec<Command>) {
     let UpdateDesc { path, pose, .. } = about.desc;
-    let formats: Vec<DeltaFormat> = DeltaFormat::ALL.into_iter().filter(|f| format_on(path, *f) == Some(*f)).collect();
+    let formats = path.formats();
     egui::Grid::new("ways").num_columns(2).min_col_width(62.0).spacing([10.0, 6.0]).show(ui, |ui| {
         let chosen = choice(ui, PATH, path, about.paths, UpdatePath::name, UpdatePath::summary);
         done.extend(chosen.map(Command::Path));
-        let chosen = choice(ui, DELTAS, about.format, &formats, DeltaFormat::name, DeltaFormat::summary);
+        let chosen = choice(ui, DELTAS, about.format, formats, DeltaFormat::name, DeltaFormat::summary);
         done.extend(chosen.map(Command::Format));
         let chosen = choice(ui, POSES, pose, path.poses(), PoseFormat::name, PoseFormat::summary);
         done.extend(chosen.map(Command::Pose));

@@ -152,7 +152,7 @@ impl State {
             }
             Command::Path(path) => {
                 // Options that the path does not support get their defaults.
-                let takes = |format: &_| crate::args::values::format_on(path, *format).is_some();
+                let takes = |format: &_| path.formats().contains(format);
                 self.run.update.formats.retain(takes);
                 self.run.update.poses.retain(|pose| path.poses().contains(pose));
                 self.run.update.paths = vec![path];

@@ -39,9 +39,9 @@ fn bench_verifies_measures_and_draws() {
         assert!(runs.iter().all(|r| paths.contains(&r["path"].as_str().unwrap())), "baselines are named, or left out");
         assert_eq!(of("feedback", 1.into()), if device == "llvmpipe" { 2 } else { 0 });
         assert_eq!(of("compute", 16.into()), 2 * 2, "two formats, two counts of changed targets");
-        // Besides float32 deltas, integer deltas with float32 and fixed32 poses.
-        assert_eq!(of("compute", "all".into()), 2 * 3);
-        assert_eq!((of("blocks", "all".into()), of("cpu", "all".into())), (10, 14));
+        assert_eq!(of("compute", "all".into()), 2 * 2);
+        // Deltas in blocks with float32 and fixed32 poses, others with float32 poses.
+        assert_eq!((of("blocks", "all".into()), of("cpu", "all".into())), (2 * 4, 2 * 6));
         for run in runs {
             let (coefficients, passes) = (run["coefficients"].as_f64().unwrap(), run["passes"].as_f64().unwrap());
             let batch = run["batch_size"].as_f64().unwrap_or(coefficients);

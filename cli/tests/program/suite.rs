@@ -175,8 +175,7 @@ fn clips_come_from_the_input_or_from_the_data_sets() {
     let out = suite("clips", &[&[dir.as_str(), "--heads", "1,2"], &brief[..]].concat(), &folder.path().join("report"));
     let cells = out["suites"][0]["cells"].as_array().unwrap();
     assert_eq!(cells.len(), 2);
-    let techniques =
-        ["blocks", "blocks fixed16", "compute", "compute fixed16", "compute rebuild", "cpu", "cpu fixed16"];
+    let techniques = ["blocks", "blocks fixed16", "compute", "compute rebuild", "cpu", "cpu fixed16"];
     assert_eq!(names(&out, "technique"), techniques.map(String::from).into());
     for run in out["runs"].as_array().unwrap() {
         let narrow = run["technique"].as_str().unwrap().ends_with(" fixed16");

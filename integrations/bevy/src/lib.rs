@@ -62,7 +62,7 @@ pub struct DeltamorphSettings {
     /// limit makes the grid of displacements finer.
     pub weight_max: f32,
     /// Largest error of a normal or tangent by one target at weight 1, in degrees (above 0; entries of
-    /// [`DeltaFormat::Fast`] and [`DeltaFormat::Pair`] may exceed it). Errors of targets add up, so a face with many
+    /// [`DeltaFormat::Fast`] may exceed it). Errors of targets add up, so a face with many
     /// large weights may show them: a smaller one takes more memory.
     pub normal_error_degrees: f32,
 }

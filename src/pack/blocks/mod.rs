@@ -189,14 +189,13 @@ impl BlockIndex {
     }
 
     /// Calls `f(vertex, delta)` for each delta of an entry: index in the block, and delta in input units, an exact
-    /// multiple of the [steps](Self::steps) in integer formats. Not generic: copies for two callers took 15 kB of the C
+    /// multiple of the [steps](Self::steps). Not generic: copies for two callers took 15 kB of the C
     /// library.
     pub(crate) fn for_each_lane(&self, words: &[u32], entry: usize, f: &mut dyn FnMut(usize, [f64; POSE_FLOATS])) {
         with_format!(self.parts.format, dense _f => {}, blocks format => {
             let (header, deltas) = self.locate(format, words, entry);
             let shifts = format.shifts(header);
-            let steps = if self.parts.format.has_integers() { self.parts.steps } else { [1.0; TRIPLES] };
-            let units = [0, 1].map(|triple| f64::from(steps[triple]) * f64::from(1u32 << shifts[triple]));
+            let units = [0, 1].map(|triple| f64::from(self.parts.steps[triple]) * f64::from(1u32 << shifts[triple]));
             let mut lanes = [None; BLOCK_SIZES[2] as usize];
             format.decode(self.size(), 0..self.size(), header, &words[deltas], |lane, c, number| {
                 lanes[lane].get_or_insert([0.0; POSE_FLOATS])[c] = f64::from(number) * units[c / TRIPLE];

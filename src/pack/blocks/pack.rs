@@ -41,23 +41,21 @@ fn kept(source: &Source<'_>, desc: &PackDesc) -> Kept {
         let mut deltas = source.deltas(target);
         let [first, second] = largest(&deltas);
         kept.largest = [kept.largest[0].max(first), kept.largest[1].max(second)];
-        if desc.format.has_integers() {
-            for (vertex, delta) in &mut deltas {
-                for place in &source.streams {
-                    let numbers = place.morphing_components();
-                    let dropped = match place.semantic.measure() {
-                        Measure::Length => vector(&delta[numbers.clone()]).length() <= length,
-                        // As an angle and as a length: normals in files need not have unit length.
-                        Measure::Angle => {
-                            let base = vector(&source.base(*vertex as usize)[numbers.clone()]);
-                            let delta = vector(&delta[numbers.clone()]);
-                            delta.length() <= side(degrees) && angle_degrees(base, base + delta) <= degrees
-                        }
-                        Measure::Absolute => delta[numbers.clone()].iter().all(|d| f64::from(d.abs()) <= absolute),
-                    };
-                    if dropped {
-                        delta[numbers].fill(0.0);
+        for (vertex, delta) in &mut deltas {
+            for place in &source.streams {
+                let numbers = place.morphing_components();
+                let dropped = match place.semantic.measure() {
+                    Measure::Length => vector(&delta[numbers.clone()]).length() <= length,
+                    // As an angle and as a length: normals in files need not have unit length.
+                    Measure::Angle => {
+                        let base = vector(&source.base(*vertex as usize)[numbers.clone()]);
+                        let delta = vector(&delta[numbers.clone()]);
+                        delta.length() <= side(degrees) && angle_degrees(base, base + delta) <= degrees
                     }
+                    Measure::Absolute => delta[numbers.clone()].iter().all(|d| f64::from(d.abs()) <= absolute),
+                };
+                if dropped {
+                    delta[numbers].fill(0.0);
                 }
             }
         }

@@ -30,8 +30,4 @@ impl DenseFormat for Float32 {
             *sum = s;
         }
     }
-
-    fn integers<'a>(&self, _: &'a [u32]) -> &'a [i16] {
-        &[]
-    }
 }

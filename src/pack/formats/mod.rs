@@ -1,7 +1,5 @@
 //! Delta formats: one file each, here and in `glsl/formats/`; `src/abi/formats.rs` lists them.
 
-mod shifts;
-
 use super::POSE_FLOATS;
 use crate::abi::formats::{FORMATS, FormatRow, delta_formats};
 use crate::asset::streams::TRIPLES;
@@ -66,14 +64,9 @@ impl DeltaFormat {
         &FORMATS[self as usize]
     }
 
-    /// Whether it is a block format (paths `blocks` and `cpu`).
+    /// Whether it is a block format (paths `blocks` and `cpu`), whose deltas are integers, as fixed-point poses need.
     pub const fn is_blocks(self) -> bool {
         self.row().blocks
-    }
-
-    /// Whether deltas are integers, as fixed-point poses need.
-    pub const fn has_integers(self) -> bool {
-        self.row().integers
     }
 
     /// 32-bit words per delta; 0 for block formats, where it varies by entry.
@@ -91,8 +84,7 @@ impl DeltaFormat {
         self.row().attributes.len()
     }
 
-    /// The name used on the command line and in reports. `float32` names the dense format with `feedback` and
-    /// `compute`, the block format with `blocks`.
+    /// The name used on the command line and in reports.
     pub const fn name(self) -> &'static str {
         self.row().name
     }
@@ -124,9 +116,6 @@ pub(crate) trait DenseFormat {
     /// Adds the deltas of N targets for consecutive vertices to `sums`, each multiplied by its factors by triple, which
     /// include the steps.
     fn add<const N: usize>(&self, factors: [[f32; TRIPLES]; N], rows: [&[u32]; N], sums: &mut [f32]);
-
-    /// The integers of a row, for fixed-point sums; never called for float32 deltas, which have no grid.
-    fn integers<'a>(&self, row: &'a [u32]) -> &'a [i16];
 }
 
 /// A vertex's index (in its block, or the user's) and delta.
@@ -170,11 +159,6 @@ pub(crate) trait BlockFormat {
     /// the largest integer, by triple.
     fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String>;
 
-    /// Checks all untrusted delta words.
-    fn check_deltas(&self, _deltas: &[u32]) -> Result<(), String> {
-        Ok(())
-    }
-
     /// Left shifts of an entry's integers, by triple.
     fn shifts(&self, _header: &[u32]) -> [u32; TRIPLES] {
         [0; TRIPLES]
@@ -186,28 +170,17 @@ pub(crate) trait BlockFormat {
         false
     }
 
-    /// Decoded component: an integer to shift and multiply by the step, or input units.
-    type Component: Copy
-    where
-        Self: Sized;
-
     /// Calls `f(lane, component, number)` for each number of an entry, at least for these vertices; 0 for those that it
-    /// leaves out. `deltas` begins with the entry's words, and may go on behind them.
+    /// leaves out. A number is an integer to shift and multiply by the step. `deltas` begins with the entry's words, and may go on behind them.
     fn decode(
         &self,
         size: usize,
         lanes: Range<usize>,
         header: &[u32],
         deltas: &[u32],
-        f: impl FnMut(usize, usize, Self::Component),
+        f: impl FnMut(usize, usize, i32),
     ) where
         Self: Sized;
-}
-
-/// The words of an entry, if all have `length` words.
-#[inline(always)]
-fn fixed(entry: usize, length: usize) -> Range<usize> {
-    entry * length..(entry + 1) * length
 }
 
 /// The integer nearest to `value / step`.
@@ -248,8 +221,6 @@ mod tests {
             assert_eq!(DeltaFormat::from_id(row.id), row.blocks.then_some(format));
             assert!(row.summary.starts_with(if row.blocks { "In blocks, " } else { "Dense, " }), "{}", row.summary);
         }
-        let ids = DeltaFormat::BLOCKS.map(|format| format.row().id);
-        assert_eq!(ids, std::array::from_fn(|i| i as u32 + 1));
         assert!(DeltaFormat::from_id(99).is_none());
     }
 }

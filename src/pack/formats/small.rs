@@ -254,8 +254,6 @@ impl BlockFormat for Small {
         true
     }
 
-    type Component = i32;
-
     // Of all vertices first the 32 bits in which there are the next components, then these components, in loops that
     // vectorize.
     #[inline(always)]

@@ -45,11 +45,6 @@ impl DenseFormat for Snorm16 {
         add_chunks(factors, rows, wide);
         add_chunks(factors, rows.map(|row| &row[after..]), rest.as_chunks_mut::<POSE_FLOATS>().0);
     }
-
-    #[inline(always)]
-    fn integers<'a>(&self, row: &'a [u32]) -> &'a [i16] {
-        bytemuck::cast_slice(row)
-    }
 }
 
 #[inline(always)]

@@ -10,11 +10,6 @@ impl PoseStorage for Fixed32 {
 
     #[inline(always)]
     fn plus(number: i32, sum: i32) -> i32 {
-        Self::plus_integer(number, sum)
-    }
-
-    #[inline(always)]
-    fn plus_integer(number: i32, sum: i32) -> i32 {
         number.wrapping_add(sum)
     }
 }

@@ -12,9 +12,4 @@ impl PoseStorage for Float32 {
     fn plus(number: f32, sum: f32) -> f32 {
         number + sum
     }
-
-    #[inline(always)]
-    fn plus_integer(number: f32, sum: i32) -> f32 {
-        number + sum as f32
-    }
 }

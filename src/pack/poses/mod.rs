@@ -5,7 +5,7 @@ pub(crate) mod sums;
 use super::grid::PoseGrid;
 use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS};
 use crate::abi::formats::{POSE_FORMATS, PoseRow, pose_formats};
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Pod;
 use sums::{Sum, rounded};
 
 macro_rules! declared {
@@ -46,10 +46,10 @@ pub(crate) use with_pose;
 pub(crate) trait PoseStorage {
     /// A stored component; a vertex has six.
     type Number: Pod + Send + Sync;
-    /// The CPU's sum for block formats.
+    /// The CPU's sum of deltas in blocks.
     type Sum: Sum;
 
-    /// Adds a block format's sum. Integers wrap.
+    /// Adds a sum. Integers wrap.
     fn plus(number: Self::Number, sum: Self::Sum) -> Self::Number;
 
     /// Sums are rounded after the base pose is added to them, which is then in finer units.
@@ -61,14 +61,11 @@ pub(crate) trait PoseStorage {
         sum
     }
 
-    /// A block format's sum to add: rounded, if sums are.
+    /// The sum to add: rounded, if sums are.
     #[inline(always)]
     fn rounded(sum: Self::Sum) -> Self::Sum {
         sum
     }
-
-    /// Adds a dense format's integer sum; never called for float32 poses.
-    fn plus_integer(number: Self::Number, sum: i32) -> Self::Number;
 }
 
 impl PoseFormat {
@@ -104,10 +101,9 @@ impl PoseFormat {
         self.row().bits > 0
     }
 
-    /// Whether poses of this format can be sums of `deltas`: fixed-point poses need integers, in blocks for
-    /// [`Rebuilt16`](Self::Rebuilt16).
+    /// Whether poses of this format can be sums of `deltas`: fixed-point poses need deltas in blocks.
     pub fn takes(self, deltas: DeltaFormat) -> bool {
-        !self.has_integers() || deltas.has_integers() && (deltas.is_blocks() || !self.row().rounds_sums)
+        !self.has_integers() || deltas.is_blocks()
     }
 
     /// Whether a target's contribution is rounded to the unit, so that work lists hold applied and new weights.
@@ -166,13 +162,15 @@ impl PoseFormat {
     /// The words of the base pose of a group with `vertices` vertices, on `grid`.
     pub(crate) fn base_pose(self, grid: &PoseGrid, base: &[f32], vertices: usize) -> Vec<u32> {
         let mut words = vec![0; base.len() * self.number_bytes() / size_of::<u32>()];
-        with_pose!(self, P => {
-            let numbers: &mut [<P as PoseStorage>::Number] = bytemuck::cast_slice_mut(&mut words);
-            for (number, integer) in numbers.iter_mut().zip(grid.integers(base, vertices)) {
-                let integer = if grid.rounds_sums { rounded(integer) } else { integer };
-                *number = P::plus_integer(Zeroable::zeroed(), integer);
+        let integers = grid.integers(base, vertices).into_iter();
+        match self.row().bits {
+            16 => {
+                let halves: &mut [i16] = bytemuck::cast_slice_mut(&mut words);
+                let integers = integers.map(|integer| if grid.rounds_sums { rounded(integer) } else { integer });
+                halves.iter_mut().zip(integers).for_each(|(half, integer)| *half = integer as i16);
             }
-        });
+            _ => words.iter_mut().zip(integers).for_each(|(word, integer)| *word = integer as u32),
+        }
         words
     }
 }

@@ -11,11 +11,6 @@ impl PoseStorage for Rebuilt16 {
 
     #[inline(always)]
     fn plus(number: i16, sum: i32) -> i16 {
-        Self::plus_integer(number, sum)
-    }
-
-    #[inline(always)]
-    fn plus_integer(number: i16, sum: i32) -> i16 {
         number.wrapping_add(sum as i16)
     }
 

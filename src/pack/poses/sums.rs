@@ -4,43 +4,15 @@ use crate::asset::streams::TRIPLES;
 use crate::pack::grid::{DROPPED, HALF};
 use bytemuck::{Pod, Zeroable};
 
-/// A component of a delta.
-pub(crate) trait Number: Copy {
-    fn of(number: impl Number) -> Self;
-    /// As float; an integer in steps.
-    fn float(self) -> f32;
-    /// As integer; never called for float32 deltas, which have no grid.
-    fn integer(self) -> i32;
-}
-
-macro_rules! numbers {
-    ($($number:ident $as:ident)*) => {
-        $(impl Number for $number {
-            #[inline(always)]
-            fn of(number: impl Number) -> Self {
-                number.$as()
-            }
-
-            #[inline(always)]
-            fn float(self) -> f32 {
-                self as f32
-            }
-
-            #[inline(always)]
-            fn integer(self) -> i32 {
-                self as i32
-            }
-        })*
-    };
-}
-numbers!(f32 float i32 integer);
-
 /// A sum of factor · delta over the entries of a component.
 pub(crate) trait Sum: Pod + Default + Send {
     /// The delta operand.
-    type Delta: Number + Default;
+    type Delta: Copy + Default;
     /// The coefficient operand.
     type Factor: Copy + Default;
+
+    /// A component of a delta, in steps.
+    fn delta(steps: i32) -> Self::Delta;
 
     /// Decodes a coefficient of the work list (`bits`), for a triple with this `step`; `shift` applies to products.
     fn factor(bits: u32, step: f32, shift: u32) -> Self::Factor;
@@ -60,6 +32,11 @@ impl Sum for f32 {
     type Factor = f32;
 
     #[inline(always)]
+    fn delta(steps: i32) -> f32 {
+        steps as f32
+    }
+
+    #[inline(always)]
     fn factor(bits: u32, step: f32, shift: u32) -> f32 {
         // Step and shift are powers of two: exact.
         f32::from_bits(bits) * (step * (1u32 << shift) as f32)
@@ -74,6 +51,11 @@ impl Sum for f32 {
 impl Sum for i32 {
     type Delta = i32;
     type Factor = i32;
+
+    #[inline(always)]
+    fn delta(steps: i32) -> i32 {
+        steps
+    }
 
     #[inline(always)]
     fn factor(bits: u32, _: f32, shift: u32) -> i32 {
@@ -95,6 +77,11 @@ impl Sum for Rounded {
     type Delta = i32;
     /// The new and the applied weight.
     type Factor = [i32; 2];
+
+    #[inline(always)]
+    fn delta(steps: i32) -> i32 {
+        steps
+    }
 
     #[inline(always)]
     fn factor(bits: u32, _: f32, shift: u32) -> Self::Factor {

@@ -1,5 +1,5 @@
 //! Path `compute`: dense passes with coefficients in push constants (batch sizes 1 to 16) or in a list (all in one
-//! pass, and fixed-point poses). The first pass of an update reads the current slot and writes the next; the others run
+//! pass). The first pass of an update reads the current slot and writes the next; the others run
 //! in place.
 
 use super::technique::{ChunkSets, DensePass, Passes};
@@ -8,11 +8,9 @@ use crate::abi::numbers::WORKGROUP;
 use crate::abi::push::{DenseListEntry, DenseListPush, DensePush};
 use crate::error::Result;
 use crate::gpu::descriptors::BufferRange;
-use crate::gpu::memory::{Buffer, Ring};
+use crate::gpu::memory::Ring;
 use crate::gpu::mesh::delta_range;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::blocks::PoseGrid;
-use crate::pack::grid::Term;
 use crate::pack::{DeltaFormat, PackedLayout, PackedTarget, PoseFormat};
 use crate::plan::BatchSize;
 use crate::plan::steps::{Resource, Source, Use, Work};
@@ -26,32 +24,30 @@ use std::sync::Arc;
 #[derive(Clone, Copy, PartialEq)]
 struct Compute {
     format: DeltaFormat,
-    pose: PoseFormat,
     batch: BatchSize,
 }
 
 impl PipelineKey for Compute {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let Self { format, pose, .. } = self;
+        let (format, pose) = (self.format.row(), PoseFormat::Float32.row());
         objects.add_layout(&[DENSE.row, DENSE_LIST.row], 0)?;
         match self.pushed() {
-            None => objects.add_compute(DENSE_LIST.module(format.row(), pose.row(), 0)?, &[&[]]),
+            None => objects.add_compute(DENSE_LIST.module(format, pose, 0)?, &[&[]]),
             Some(most) => {
                 let batches: Vec<[u32; 1]> = (0..=most).map(|batch| [batch]).collect();
                 let constants: Vec<&[u32]> = batches.iter().map(<[u32; 1]>::as_slice).collect();
-                objects.add_compute(DENSE.module(format.row(), pose.row(), 0)?, &constants)
+                objects.add_compute(DENSE.module(format, pose, 0)?, &constants)
             }
         }
     }
 }
 
 impl Compute {
-    /// Most targets of a pass with coefficients in push constants; `None`: coefficients are in a list. Fixed-point
-    /// coefficients, of three words each, are always in a list.
+    /// Most targets of a pass with coefficients in push constants; `None`: coefficients are in a list.
     fn pushed(self) -> Option<u32> {
         match self.batch {
-            BatchSize::Targets(most) if !self.pose.has_integers() => Some(most),
-            BatchSize::Targets(_) | BatchSize::All => None,
+            BatchSize::Targets(most) => Some(most),
+            BatchSize::All => None,
         }
     }
 }
@@ -61,15 +57,11 @@ pub(crate) struct ComputePasses {
     kernel: Arc<Pipelines<Compute>>,
     instances: u32,
     slots: u32,
-    /// `Some` for fixed-point poses.
-    grid: Option<PoseGrid>,
     /// Coefficient lists, `[frame][instance]`.
     ring: Ring,
     stride: u64,
     /// `[instance][destination slot][source]`, where the source is the base pose, the same slot, or the slot before.
     sets: ChunkSets,
-    /// That of fixed-point poses: keeps the buffer of the sets alive.
-    _base_pose: Option<Buffer>,
 }
 
 impl Passes for ComputePasses {
@@ -82,7 +74,7 @@ impl Passes for ComputePasses {
         let poses = context.poses;
         let batch = desc.update.batch;
         let slots = poses.slots;
-        let kernel = context.kernels.get(Compute { format: layout.format, pose: desc.update.pose, batch })?;
+        let kernel = context.kernels.get(Compute { format: layout.format, batch })?;
         // Kernels that read no list still have one bound.
         let (entries, instances, frames) = match kernel.key.pushed() {
             None => (layout.targets.len(), desc.instances, desc.frames_in_flight),
@@ -96,8 +88,7 @@ impl Passes for ComputePasses {
         let ring = Ring::new(context.device, "deltamorph coefficient lists", part, frames, usage)?;
         let lists = [(mesh.deltas.raw, delta_range(layout)), (ring.range(0).buffer, stride)]
             .map(|(buffer, size)| BufferRange::new(buffer, 0, size));
-        let base_pose = context.integer_base()?;
-        let base = base_pose.as_ref().unwrap_or(&mesh.base).raw;
+        let base = mesh.base.raw;
         let poses_of = |instance| (0..slots).map(move |slot| (instance, slot));
         let bound = (0..desc.instances).flat_map(poses_of).flat_map(|(instance, slot)| {
             let pose = move |slot| (poses.buffer, poses.offset(instance, slot), poses.format.stride());
@@ -112,16 +103,16 @@ impl Passes for ComputePasses {
             })
         });
         let sets = ChunkSets::new(&kernel.objects, layout, bound)?;
-        Ok(Self { kernel, instances, slots, grid: poses.grid, ring, stride, sets, _base_pose: base_pose })
+        Ok(Self { kernel, instances, slots, ring, stride, sets })
     }
 
     fn write_list(&mut self, frame: u64, work: &Work, pass: &DensePass<'_>) -> Result<()> {
         if self.kernel.key.pushed().is_none() {
             let words = &mut self.ring.words(frame)?[work.instance as usize * self.stride as usize / 4..];
-            let entries: &mut [DenseListEntry] = bytemuck::cast_slice_mut(&mut words[..self.stride as usize / 4]);
+            let words = &mut words[..pass.layout.targets.len() * size_of::<DenseListEntry>() / 4];
+            let entries: &mut [DenseListEntry] = bytemuck::cast_slice_mut(words);
             for (entry, c) in entries[work.items.start as usize..].iter_mut().zip(pass.coefficients) {
-                let target = &pass.layout.targets[c.target as usize];
-                *entry = self.grid.map_or_else(|| listed(c, target), |grid| rounded(c, target, grid));
+                *entry = listed(c, &pass.layout.targets[c.target as usize]);
             }
         }
         Ok(())
@@ -159,19 +150,9 @@ impl Passes for ComputePasses {
     }
 }
 
-/// List entry for float32 poses.
 fn listed(c: &Coefficient, target: &PackedTarget) -> DenseListEntry {
     let coefficient = c.value * target.position_step;
-    let normal_coefficient = (coefficient * target.normal_ratio()).to_bits();
-    DenseListEntry { target: c.target, coefficient: coefficient.to_bits(), normal_coefficient, dropped: 0 }
-}
-
-/// List entry for fixed-point poses.
-fn rounded(c: &Coefficient, target: &PackedTarget, grid: PoseGrid) -> DenseListEntry {
-    let Term { new, old, dropped: [dropped, normal] } = grid.term(c.held, c.held + c.value, target.steps());
-    let coefficient = new as u32;
-    let normal_coefficient = old as u32;
-    DenseListEntry { target: c.target, coefficient, normal_coefficient, dropped: dropped | normal << 8 }
+    DenseListEntry { target: c.target, coefficient, normal_coefficient: coefficient * target.normal_ratio() }
 }
 
 /// Coefficients and targets in the layout of `dense.comp`.

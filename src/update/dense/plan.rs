@@ -8,7 +8,6 @@
 
 use crate::error::Result;
 use crate::pack::PackedLayout;
-use crate::pack::blocks::PoseGrid;
 use crate::plan::instances::{History, InstanceState, Instances};
 use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdateStats};
@@ -88,37 +87,25 @@ impl Plan {
 #[derive(Clone, Debug)]
 pub struct DensePlanner {
     desc: UpdateDesc,
-    /// Grid of the first group, for fixed-point poses; all groups share the grid of weights.
-    grid: Option<PoseGrid>,
     plans: Vec<Plan>,
-    /// Weights rounded to the grid.
-    rounded: Vec<f32>,
 }
 
 impl InstanceState for DensePlanner {}
 
 impl DensePlanner {
-    /// For `instances` instances; `grid` is that of fixed-point poses ([`UpdateDesc::grid`]).
+    /// For `instances` instances.
     ///
     /// # Errors
     /// Errors of [`UpdateDesc::check`].
-    pub fn new(desc: UpdateDesc, grid: Option<PoseGrid>, instances: usize) -> Result<Self> {
+    pub fn new(desc: UpdateDesc, instances: usize) -> Result<Self> {
         desc.check()?;
-        Ok(Self { desc, grid, plans: vec![Plan::default(); instances], rounded: vec![] })
+        Ok(Self { desc, plans: vec![Plan::default(); instances] })
     }
 
     /// Plans update `update` of every instance that is shown.
     pub fn plan(&mut self, instances: &mut Instances, update: u64) {
         self.plans.iter_mut().for_each(Plan::clear);
         for (place, weights, history) in instances.shown() {
-            let weights = match self.grid {
-                None => weights,
-                Some(grid) => {
-                    self.rounded.clear();
-                    self.rounded.extend(weights.iter().map(|&weight| grid.round(weight)));
-                    &self.rounded
-                }
-            };
             self.plans[place].fill(&self.desc, weights, history, update);
         }
     }
@@ -162,16 +149,12 @@ impl DensePlanner {
             };
             groups.clone().map(of).sum::<usize>() as u64
         };
-        // Bound on rounding in the current poses.
-        let active = |plan: &Plan| plan.applied.iter().filter(|weight| **weight != 0.0).count();
-        let active = self.plans.iter().map(active).max().unwrap_or(0);
         UpdateStats {
             coefficients,
             passes,
             rebuilt,
             bytes_moved: bytes(passes),
             bytes_floor: bytes(changed.count()),
-            bound: self.grid.map_or(0.0, |grid| grid.position_error(active)),
             ..UpdateStats::default()
         }
     }

@@ -99,7 +99,7 @@ impl<P: Passes> DenseTechnique<P> {
     /// # Errors
     /// No memory.
     pub fn new(context: Context<'_>) -> Result<Self> {
-        let planner = DensePlanner::new(context.desc.update, context.poses.grid, context.desc.instances as usize)?;
+        let planner = DensePlanner::new(context.desc.update, context.desc.instances as usize)?;
         let group = |of: Context<'_>| Ok((PoseGroup { mesh: of.mesh.clone(), poses: of.poses }, P::new(of)?));
         Ok(Self { planner, groups: context.groups().map(group).collect::<Result<_>>()? })
     }

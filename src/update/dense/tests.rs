@@ -35,7 +35,7 @@ fn recorded(planner: &DensePlanner, path: UpdatePath) -> Vec<Recorded> {
 type Held = Option<Vec<f64>>;
 
 fn one(desc: UpdateDesc, targets: usize) -> Option<One<DensePlanner>> {
-    let planner = DensePlanner::new(desc, None, 1).ok()?;
+    let planner = DensePlanner::new(desc, 1).ok()?;
     Some(One::new(desc, targets, planner, vec![None; desc.slots as usize]))
 }
 
@@ -116,7 +116,7 @@ fn a_vertex_pass_must_not_write_what_it_fetches() {
 #[test]
 fn rounds_of_a_crowd_share_their_barriers() {
     let desc = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(2));
-    let (mut planner, mut instances) = (DensePlanner::new(desc, None, 3).unwrap(), Instances::new(3, 3, desc.slots, 1));
+    let (mut planner, mut instances) = (DensePlanner::new(desc, 3).unwrap(), Instances::new(3, 3, desc.slots, 1));
     for (instance, weights) in (0..).zip([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]]) {
         instances.set_weights(instance, &weights).unwrap();
     }
