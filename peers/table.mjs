@@ -12,7 +12,7 @@ const runs = files.map(name => {
 });
 // What fails its check is not timed.
 for (const line of runs.flatMap(run => [...run.values()]).filter(line => line.check && !line.check.right)) {
-  line.error = `its picture is off by ${line.check.off} of 255, and may be by 2`;
+  line.error = `its image differs by ${line.check.off} of 255; 2 are allowed`;
 }
 for (const run of runs) for (const [key, line] of run) if (line.error) run.set(key, { ...line, ms: undefined });
 const lines = runs.flatMap(run => [...run.values()]);
@@ -47,10 +47,10 @@ const TITLES = { clip: 'its clip', all: 'all change', constant: '28 active, none
 const devices = unique(lines.filter(line => line.device && !line.error).map(line => `- ${line.peer}: ${line.device.split('\n').at(-1)}`)).sort();
 console.log(`# Other engines
 
-What morphing takes in other engines, and in deltamorph in the same run: milliseconds of a frame less the same frame
-without targets, each waited for (medians of a run's frames, least to most over the runs of a scene, all on one
-machine). In brackets how many times deltamorph's own, run by run. [peers/README.md](../../peers/README.md) has the
-commands, and says how poses are checked: what is timed was right. Software drivers on two cores.
+The cost of morphing in other engines, and in deltamorph in the same run: milliseconds of a frame minus the same frame
+without targets, each waited for (medians over the frames of a run; least to most over the runs of a scene, all on one
+machine). In brackets: the ratio to deltamorph, run by run. [peers/README.md](../../peers/README.md) has the commands,
+and how poses are checked: only correct poses are timed. Software drivers on two cores.
 
 ${devices.join('\n')}
 `);

@@ -1,4 +1,4 @@
-//! The documents: valid links, lengths, and the table of environment variables.
+//! The documents: valid links, numbers of words, columns of lines, and the table of environment variables.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Component, Path, PathBuf};
@@ -16,6 +16,11 @@ fn tracked() -> Vec<PathBuf> {
 
 fn read(path: &Path) -> String {
     std::fs::read_to_string(Path::new(ROOT).join(path)).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// Returns the tracked files with an extension.
+fn with_extension(extension: &str) -> Vec<PathBuf> {
+    tracked().into_iter().filter(|path| path.extension().is_some_and(|e| e == extension)).collect()
 }
 
 /// Returns the text without fenced code and code spans, in which brackets are not links.
@@ -78,7 +83,7 @@ fn every_relative_link_leads_to_a_file_and_a_heading() {
     let files = tracked();
     let mut count = 0;
     let mut broken = vec![];
-    for document in files.iter().filter(|path| path.extension().is_some_and(|e| e == "md")) {
+    for document in &with_extension("md") {
         let text = read(document);
         for link in links(&text).iter().filter(|link| !link.contains("://")) {
             count += 1;
@@ -101,12 +106,43 @@ fn every_relative_link_leads_to_a_file_and_a_heading() {
 
 #[test]
 fn documents_stay_short() {
-    let notes = tracked().into_iter().filter(|path| path.starts_with("docs/notes")).map(|path| (path, 150));
-    let others = [("README.md", 170), ("ARCHITECTURE.md", 200), ("CONTRIBUTING.md", 120)];
-    for (path, most) in others.map(|(path, most)| (PathBuf::from(path), most)).into_iter().chain(notes) {
-        let lines = read(&path).lines().count();
-        assert!(lines <= most, "{} has {lines} lines; {most} are allowed", path.display());
+    let words = |path: &Path| read(path).split_whitespace().count();
+    let readme = words(Path::new("README.md"));
+    assert!(readme <= 1_650, "README.md has {readme} words; 1,650 are allowed");
+    let all: usize = with_extension("md").iter().map(|path| words(path)).sum();
+    assert!(all <= 36_000, "all documents together have {all} words; 36,000 are allowed");
+}
+
+/// Returns the numbers of the lines of prose: neither tables nor fenced code.
+fn prose_lines(text: &str) -> Vec<(usize, &str)> {
+    let mut fenced = false;
+    let mut is_prose = |line: &str| {
+        let fence = line.trim_start().starts_with("```");
+        fenced ^= fence;
+        !fenced && !fence && !line.trim_start().starts_with('|')
+    };
+    text.lines().enumerate().filter(|(_, line)| is_prose(line)).collect()
+}
+
+/// Returns the numbers of the lines that are comments.
+fn comment_lines(text: &str) -> Vec<(usize, &str)> {
+    text.lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("//")).collect()
+}
+
+#[test]
+fn prose_and_comments_have_at_most_120_columns() {
+    type Lines = fn(&str) -> Vec<(usize, &str)>;
+    let mut wide = vec![];
+    for (extension, lines) in [("md", prose_lines as Lines), ("rs", comment_lines as Lines)] {
+        let files = with_extension(extension);
+        assert!(files.len() > 20, "{} .{extension} files", files.len());
+        for path in files {
+            let text = read(&path);
+            let is_wide = |(_, line): &(usize, &str)| line.chars().count() > 120;
+            wide.extend(lines(&text).into_iter().filter(is_wide).map(|(i, _)| format!("{}:{}", path.display(), i + 1)));
+        }
     }
+    assert!(wide.is_empty(), "lines of more than 120 columns:\n{}", wide.join("\n"));
 }
 
 /// Returns the project's environment variables named in `text`.
