@@ -67,16 +67,7 @@ pub struct MeshInfo {
     pub pose_origin: [f32; 3],
 }
 
-/// [`Input::kept`] and [`Input::packed`].
-#[cfg(feature = "viewer")]
-pub type Meshes = (Arc<MorphMesh>, Option<Arc<PackedMesh>>);
-
 impl Input {
-    #[cfg(feature = "viewer")]
-    pub fn meshes(&self) -> Meshes {
-        (self.kept.clone(), self.packed.clone())
-    }
-
     /// Adds wrinkle masks to the mesh, if it has none. A packed mesh is packed again, in its format.
     pub fn add_masks(&mut self) -> Result<(), Failure> {
         if self.kept.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
@@ -115,15 +106,6 @@ impl Input {
 /// Reads the input that `args` name. Without `with_raw`, `raw` is `kept`, which saves memory in commands that do not
 /// compare with the raw files.
 pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Failure> {
-    read(args, with_raw, &ImportDesc::default(), out)
-}
-
-/// Reads the input that `args` name for drawing; `unposed`, if joints are to move it.
-pub fn load_unposed(args: &InputArgs, unposed: bool, out: &Output) -> Result<Input, Failure> {
-    read(args, false, &ImportDesc::default().unposed(unposed), out)
-}
-
-fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
     let (mesh, clips, looks_back) = match &args.input {
@@ -133,7 +115,7 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
             return Err(Failure::Usage(text.into()));
         }
         Some(path) => {
-            let Imported { mesh, clips, looks_back, .. } = import::open(path, desc)?;
+            let Imported { mesh, clips, looks_back, .. } = import::open(path, &ImportDesc::default())?;
             (mesh, clips, looks_back)
         }
     };
@@ -188,7 +170,7 @@ pub type Settings = [Vec<(String, f32)>];
 
 /// The clip that `path` names, as FILE#NAME if it is an animation of a glTF file, or in a packed file: the only one of
 /// such a file, or one of INPUT by its name.
-pub fn named(path: &Path, args: &InputArgs) -> Result<PathBuf, Failure> {
+fn named(path: &Path, args: &InputArgs) -> Result<PathBuf, Failure> {
     if path == Path::new("-") {
         return Ok("/dev/stdin".into());
     }

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Whether poses are updated on the device, by the first path of `args`.
-pub fn updates(gpu: &Gpu, args: &RunArgs) -> bool {
+fn updates(gpu: &Gpu, args: &RunArgs) -> bool {
     match args.update.paths.first() {
         Some(path) => *path != UpdatePath::Cpu,
         None => gpu.caps().check_path(UpdatePath::Blocks).is_ok(),

@@ -4,14 +4,14 @@ use crate::cull::PoseBounds;
 use crate::glow::Glow;
 use crate::memory::Buffer;
 use crate::model::Model;
+use crate::normals::Normals;
 use crate::parts::Part;
 use crate::passes::RendererDesc;
 use crate::renderer::Renderer;
 use crate::scene::{Head, Masks, Scale, Scene, Show};
-use crate::step::{Step, Stepped};
 use crate::target::Target;
 use crate::wrinkles::MaskPlace;
-use bytemuck::cast_slice;
+use deltamorph::after::NormalsDesc;
 use deltamorph::ash::vk;
 use deltamorph::{
     Bounds, CpuCrowd, Crowd, CrowdDesc, Error, GpuMesh, MorphEngine, MorphMesh, PackedMesh, PoseFormat, Result,
@@ -33,8 +33,8 @@ pub struct HeadsDesc<'a> {
     pub update: UpdateDesc,
     /// Threads of the path `cpu`; 0: one per core.
     pub threads: usize,
-    /// The step after the poses, on the paths of the device.
-    pub step: Step<'a>,
+    /// Draw normals of the morphed surface in place of sums of the targets' normal deltas, on the paths of the device.
+    pub normals: Option<NormalsDesc<'a>>,
     /// For [`Show::Blocks`]: the fraction of its brightness that a changed vertex keeps from one update to the next, 0
     /// to 1.
     pub afterglow: f32,
@@ -43,9 +43,9 @@ pub struct HeadsDesc<'a> {
 }
 
 impl HeadsDesc<'_> {
-    /// One head and one frame at a time, without a step.
+    /// One head and one frame at a time.
     pub fn new(update: UpdateDesc) -> Self {
-        Self { count: 1, frames: 1, update, threads: 0, step: Step::None, afterglow: 0.0, cull: false }
+        Self { count: 1, frames: 1, update, threads: 0, normals: None, afterglow: 0.0, cull: false }
     }
 }
 
@@ -59,14 +59,12 @@ pub struct Updated {
     ticket: Option<Ticket>,
 }
 
-/// Heads of one mesh, drawn into images of one format: on the device, from the buffers of a crowd; on the path `cpu`,
+/// Heads of one mesh, to be drawn: on the device, from the buffers of a crowd; on the path `cpu`,
 /// from buffers that the poses are copied to.
 pub struct Heads {
     desc: HeadsDesc<'static>,
     poses: Poses,
-    stepped: Option<Stepped>,
-    /// Vertices of still parts that joints move: those of each head, and a buffer for each frame.
-    still: Option<(Vec<Vec<f32>>, Vec<Buffer>)>,
+    normals: Option<Normals>,
     glow: Vec<Glow>,
     /// For culling: bounds of poses, and of each head.
     bounds: Option<(PoseBounds, Vec<Bounds>)>,
@@ -96,25 +94,23 @@ struct Processor {
 }
 
 impl Heads {
-    /// Makes heads of `mesh`, which was packed as `packed` and consists of `parts`, for images of this format, which
-    /// drawing leaves in this layout.
+    /// Makes heads of `mesh`, which was packed as `packed` and consists of `parts`.
     ///
     /// # Errors
-    /// The path has no pose buffers; the engine refuses crowd or step; a step on the path `cpu`, or beside wrinkle
-    /// masks of integers; there is no memory.
+    /// The path has no pose buffers; the engine refuses the crowd; normals are to be recomputed on the path `cpu`, or
+    /// beside wrinkle masks of integers; there is no memory.
     ///
     /// # Safety
     /// The device outlives the heads, which are dropped after their targets, and only when no commands recorded with
     /// them are still to run.
     pub unsafe fn new(
         headless: &Headless,
-        (format, layout): (vk::Format, vk::ImageLayout),
         mesh: &MorphMesh,
         packed: &Arc<PackedMesh>,
         parts: &[Part],
         desc: &HeadsDesc<'_>,
     ) -> Result<Self> {
-        let HeadsDesc { count, frames, update, threads, step, afterglow, cull } = *desc;
+        let HeadsDesc { count, frames, update, threads, normals, afterglow, cull } = *desc;
         let path = update.path;
         if path.evaluates_in_draws() {
             return Err(Error::Invalid {
@@ -123,39 +119,38 @@ impl Heads {
             });
         }
         let masks = MaskPlace::of(packed);
-        let is_stepped = step != Step::None;
-        if is_stepped && (path == UpdatePath::Cpu || masks.is_some() && update.pose.has_integers()) {
+        if normals.is_some() && (path == UpdatePath::Cpu || masks.is_some() && update.pose.has_integers()) {
             return Err(Error::Invalid {
-                what: format!("a step after {} poses on the path '{}'", update.pose.name(), path.name()),
+                what: format!("recomputed normals of {} poses on the path '{}'", update.pose.name(), path.name()),
                 remedy: "use a path on the device, and float32 poses where there are wrinkle masks".into(),
             });
         }
         let engine = headless.engine();
         // SAFETY: `upload` hands out a recording buffer of the engine's device, and waits for it.
         let uploaded = headless.upload(|cmd| unsafe { engine.upload(cmd, packed) })?;
-        // Steps write float32.
-        let pose = if is_stepped { PoseFormat::Float32 } else { update.pose };
-        let renderer = RendererDesc { format, layout, pose, masks: masks.is_some() };
+        // Recomputed normals are float32.
+        let pose = if normals.is_some() { PoseFormat::Float32 } else { update.pose };
+        let renderer = RendererDesc { pose, masks: masks.is_some() };
         let (instance, physical, device) = headless.handles();
         // SAFETY: the handles belong together and outlive the heads: the caller's obligations.
         let renderer = unsafe { Renderer::new(instance, physical, device, &renderer) }?;
         // SAFETY: fields drop in order, the model before the mesh that it reads.
         let model = unsafe { Model::new(&renderer, mesh, packed.layout(), parts) }?;
-        let mut stepped = None;
+        let mut recomputed = None;
         let poses = if path == UpdatePath::Cpu {
             Poses::Processor(Box::new(Processor::new(&renderer, packed, desc, masks)?))
         } else {
             let crowd = CrowdDesc::new(update).instances(count).frames_in_flight(frames as u32);
             let mut crowd = Box::new(engine.create_crowd(&uploaded, &crowd)?);
-            stepped = Stepped::new(headless, &renderer.gpu, packed, &mut crowd, &step, frames)?;
+            let with = |desc| Normals::new(headless, &renderer.gpu, packed, &mut crowd, &desc);
+            recomputed = normals.map(with).transpose()?;
             Poses::Device(crowd)
         };
         let bounds = if cull { Some((PoseBounds::new(packed, &update)?, vec![])) } else { None };
         Ok(Self {
-            desc: HeadsDesc { count, frames, update, threads, step: Step::None, afterglow, cull },
+            desc: HeadsDesc { count, frames, update, threads, normals: None, afterglow, cull },
             poses,
-            stepped,
-            still: None,
+            normals: recomputed,
             glow: vec![Glow::new(packed.layout()); count as usize],
             bounds,
             masks,
@@ -165,27 +160,15 @@ impl Heads {
         })
     }
 
-    /// Makes a target for these heads, drawn into `view`: an image of `extent` in their format that may be drawn into.
+    /// Makes a target for these heads, of this width and height (≥ 1).
     ///
     /// # Errors
-    /// There is no memory.
+    /// It is larger than the device draws; there is no memory.
     ///
     /// # Safety
-    /// The view is alive, on the same device, and as described.
-    pub unsafe fn target(&self, view: vk::ImageView, extent: vk::Extent2D) -> Result<Target> {
-        // SAFETY: the caller's obligations.
-        unsafe { Target::new(&self.renderer, view, extent, self.desc.count) }
-    }
-
-    /// Makes a buffer of `bytes` (≥ 1), all 0, for pixels that are copied.
-    ///
-    /// # Errors
-    /// There is no memory.
-    ///
-    /// # Safety
-    /// The buffer is dropped only when no commands recorded with it are still to run.
-    pub unsafe fn pixels(&self, bytes: usize) -> Result<Buffer> {
-        Buffer::new(&self.renderer.gpu, bytes, vk::BufferUsageFlags::TRANSFER_DST, true)
+    /// The target is dropped before the heads, and only when no commands recorded with it are still to run.
+    pub unsafe fn target(&self, size: [u32; 2]) -> Result<Target> {
+        Target::new(&self.renderer, size, self.desc.count)
     }
 
     /// Draws `mesh`, made of `parts`, with each head: it stands as it is, relative to the head, without a pose. No
@@ -194,45 +177,7 @@ impl Heads {
     /// # Errors
     /// There is no memory.
     pub fn set_still(&mut self, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
-        self.still = None;
         self.model.set_still(&self.renderer, mesh, parts)
-    }
-
-    /// Sets the joints of a head from the next update on, with [`Step::Skin`]: the first three rows of each joint's
-    /// matrix. Initially they are the identity.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] if there is no such head, no skin, or another number of joints.
-    pub fn set_joints(&mut self, head: usize, joints: &[f32]) -> Result<()> {
-        if self.stepped.as_mut().is_some_and(|stepped| stepped.set_joints(head, joints)) {
-            return Ok(());
-        }
-        let what = format!("{} numbers for joints of head {head}", joints.len());
-        Err(Error::Invalid { what, remedy: "give twelve for each joint of the skin".into() })
-    }
-
-    /// Sets where joints have the still parts of a head from the next update on, with [`Step::Skin`]: position and
-    /// normal of each vertex. Heads for which none are set have them as they stand.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] if there is no such head, no skin, or another number of vertices; there is no memory.
-    pub fn set_still_vertices(&mut self, head: usize, vertices: &[f32]) -> Result<()> {
-        let heads = self.desc.count as usize;
-        let expected = self.model.still.as_ref().zip(self.stepped.as_ref()).map(|(still, _)| still.standing_vertices());
-        let Some(expected) = expected.filter(|all| all.len() == vertices.len() && head < heads) else {
-            let what = format!("{} numbers for still vertices of head {head}", vertices.len());
-            return Err(Error::Invalid { what, remedy: "give six for each vertex of the still parts".into() });
-        };
-        if self.still.is_none() {
-            let bytes = (heads * size_of_val(&expected[..])).max(4);
-            let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
-            let buffers = (0..self.desc.frames).map(|_| Buffer::new(&self.renderer.gpu, bytes, usage, false));
-            self.still = Some((vec![expected; heads], buffers.collect::<Result<_>>()?));
-        }
-        if let Some((all, _)) = &mut self.still {
-            all[head].copy_from_slice(vertices);
-        }
-        Ok(())
     }
 
     /// Updates every head to `weights[head]`, for frame in flight `frame`: records into `cmd`, or updates at once on
@@ -258,16 +203,9 @@ impl Heads {
                 remedy: "give the weights of every head".into(),
             });
         }
-        if let Some((vertices, buffers)) = &mut self.still {
-            let size = size_of_val(&vertices[0][..]);
-            vertices.iter().enumerate().for_each(|(i, head)| buffers[frame].write(i * size, cast_slice(head)));
-        }
         let start = Instant::now();
         let (stats, ticket) = match &mut self.poses {
             Poses::Device(crowd) => {
-                if let Some(stepped) = &mut self.stepped {
-                    stepped.write(frame, crowd)?;
-                }
                 for (head, weights) in (0..).zip(weights) {
                     crowd.set_weights(head, weights.as_ref())?;
                 }
@@ -313,13 +251,13 @@ impl Heads {
         }
     }
 
-    /// Whether [`Show::Motion`] has something to show: previous poses, which no step replaces.
+    /// Whether [`Show::Motion`] has something to show: previous poses, without recomputed normals.
     ///
     /// # Errors
     /// Nothing was updated yet.
     pub fn has_previous(&self) -> Result<bool> {
         match &self.poses {
-            Poses::Device(crowd) => Ok(self.stepped.is_none() && crowd.previous_pose(0)?.is_some()),
+            Poses::Device(crowd) => Ok(self.normals.is_none() && crowd.previous_pose(0)?.is_some()),
             Poses::Processor(_) => Ok(true),
         }
     }
@@ -335,8 +273,7 @@ impl Heads {
     /// # Safety
     /// - `cmd` is a primary command buffer that is recording on the device, outside a render pass, on a queue with
     ///   graphics, after the last [update](Self::update), which was for the same `frame`.
-    /// - The target was made with these heads, no commands recorded with it before are still to run, and its image view
-    ///   is alive.
+    /// - The target was made with these heads, and no commands recorded with it before are still to run.
     pub unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
@@ -375,10 +312,6 @@ impl Heads {
         let pose = crowd.pose(number as u32)?;
         let previous = crowd.previous_pose(number as u32)?.unwrap_or(pose);
         let stream = self.masks.map(|_| crowd.stream(number as u32, Semantic::Mask)).transpose()?;
-        let still = self.still.as_ref().map(|(vertices, buffers)| {
-            let offset = number * size_of_val(&vertices[0][..]);
-            (buffers[frame].raw, offset as u64)
-        });
         let head = Head {
             buffer: pose.buffer,
             offset: pose.offset,
@@ -394,9 +327,8 @@ impl Heads {
                 },
             }),
             bounds,
-            still,
         };
-        Ok(self.stepped.as_ref().map_or(head, |stepped| stepped.head(number, head)))
+        Ok(self.normals.as_ref().map_or(head, |normals| normals.head(number, head)))
     }
 }
 
@@ -454,15 +386,6 @@ impl Processor {
             offset: offset + 2 * all + place.offset(heads.desc.update.pose),
             scale: self.scale[1].of_masks(place.first),
         });
-        Head {
-            buffer,
-            offset,
-            scale: self.scale[0],
-            place,
-            previous: (buffer, offset + all),
-            masks,
-            bounds: None,
-            still: None,
-        }
+        Head { buffer, offset, scale: self.scale[0], place, previous: (buffer, offset + all), masks, bounds: None }
     }
 }

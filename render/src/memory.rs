@@ -62,7 +62,7 @@ impl Gpu {
 }
 
 /// A buffer in memory that host and device share.
-pub struct Buffer {
+pub(crate) struct Buffer {
     gpu: Arc<Gpu>,
     pub(crate) raw: vk::Buffer,
     memory: vk::DeviceMemory,
@@ -99,23 +99,18 @@ impl Buffer {
         Ok(buffer)
     }
 
-    /// Returns the handle, for commands.
-    pub fn raw(&self) -> vk::Buffer {
-        self.raw
-    }
-
     /// Writes `contents` at `offset`. The caller guarantees that the device does not use these bytes now.
     ///
     /// # Panics
     /// If the buffer is too small.
-    pub fn write(&mut self, offset: usize, contents: &[u8]) {
+    pub(crate) fn write(&mut self, offset: usize, contents: &[u8]) {
         assert!(offset + contents.len() <= self.bytes, "{} bytes at {offset} of {}", contents.len(), self.bytes);
         // SAFETY: that many bytes are mapped, as checked above; `&mut` excludes other accesses of the host.
         unsafe { self.mapped.add(offset).copy_from_nonoverlapping(contents.as_ptr(), contents.len()) };
     }
 
     /// Returns the contents. The caller guarantees that writes by the device have finished.
-    pub fn contents(&self) -> &[u8] {
+    pub(crate) fn contents(&self) -> &[u8] {
         // SAFETY: `bytes` bytes are mapped and initialised, and only `&mut` writes them.
         unsafe { std::slice::from_raw_parts(self.mapped, self.bytes) }
     }

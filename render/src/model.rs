@@ -30,7 +30,6 @@ pub(crate) struct Model {
     pub(crate) still: Option<Box<Model>>,
     /// Of still parts: their vertices as a pose in the renderer's format.
     stands: Option<(Buffer, Scale)>,
-    vertices: usize,
 }
 
 /// A part, as a range of the index buffer.
@@ -81,16 +80,10 @@ impl Model {
     /// Returns a head as it is drawn with this model, of still parts.
     pub(crate) fn standing(&self, head: &Head) -> Option<Head> {
         let (pose, scale) = self.stands.as_ref()?;
-        let (buffer, offset) = head.still.unwrap_or((pose.raw, 0));
+        let (buffer, offset) = (pose.raw, 0);
         // Whatever the numbers, the masks are 0.
         let masks = head.masks.map(|_| Masks { buffer: pose.raw, offset: 0, scale: [0.0; 4] });
         Some(Head { buffer, offset, scale: *scale, previous: (buffer, offset), masks, ..*head })
-    }
-
-    /// Returns the vertices of still parts as they stand.
-    pub(crate) fn standing_vertices(&self) -> Vec<f32> {
-        let vertices = self.stands.as_ref().map(|_| &self.rest.contents()[..24 * self.vertices]);
-        vertices.map_or(vec![], |vertices| cast_slice(vertices).to_vec())
     }
 
     fn placed(
@@ -100,7 +93,6 @@ impl Model {
         places: Vec<u32>,
         (padded, block): (usize, u32),
     ) -> Result<Self> {
-        let count = mesh.vertex_count();
         let mut indices = vec![];
         let mut drawn = vec![];
         for part in parts {
@@ -135,7 +127,6 @@ impl Model {
             block,
             still: None,
             stands: None,
-            vertices: count,
         })
     }
 }

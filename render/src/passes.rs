@@ -9,6 +9,8 @@ use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Sta
 /// Edge of the shadow map, in texels.
 pub(crate) const SHADOW_EDGE: u32 = 1024;
 pub(crate) const SHADOW_FORMAT: vk::Format = vk::Format::D16_UNORM;
+/// Format of pictures: shaders write linear colours, and images store sRGB.
+pub(crate) const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
 pub(crate) const SAMPLES: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_4;
 
 const OUTSIDE: u32 = vk::SUBPASS_EXTERNAL;
@@ -16,14 +18,9 @@ const ONE: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_1;
 const KEEP: vk::AttachmentStoreOp = vk::AttachmentStoreOp::STORE;
 const DROP: vk::AttachmentStoreOp = vk::AttachmentStoreOp::DONT_CARE;
 
-/// Formats and options of a renderer.
+/// Options of a renderer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RendererDesc {
-    /// Format of the image views that are drawn into. It must be an sRGB format: shaders write linear colours.
-    pub(crate) format: vk::Format,
-    /// Layout in which images are left: for copies (`TRANSFER_SRC_OPTIMAL`), presentation (`PRESENT_SRC_KHR`), or
-    /// further draws (`COLOR_ATTACHMENT_OPTIMAL`).
-    pub(crate) layout: vk::ImageLayout,
     /// Format of the poses that are drawn.
     pub(crate) pose: PoseFormat,
     /// Support [`Show::Wrinkles`](crate::Show::Wrinkles), which needs additional pipelines.
@@ -71,13 +68,12 @@ pub(crate) fn shadow(gpu: &Gpu) -> Result<vk::RenderPass> {
     pass.map_err(failed("vkCreateRenderPass"))
 }
 
-/// Makes the picture pass: multisampled colours and depth, resolved into the host's image.
-pub(crate) fn picture(gpu: &Gpu, desc: &RendererDesc, depth_format: vk::Format) -> Result<vk::RenderPass> {
-    let RendererDesc { format, layout, .. } = *desc;
+/// Makes the picture pass: multisampled colours and depth, resolved into an image that is left for copies.
+pub(crate) fn picture(gpu: &Gpu, depth_format: vk::Format) -> Result<vk::RenderPass> {
     let attachments = [
-        attachment(format, SAMPLES, DROP, Layout::COLOR_ATTACHMENT_OPTIMAL),
+        attachment(FORMAT, SAMPLES, DROP, Layout::COLOR_ATTACHMENT_OPTIMAL),
         attachment(depth_format, SAMPLES, DROP, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL),
-        attachment(format, ONE, KEEP, layout).load_op(vk::AttachmentLoadOp::DONT_CARE),
+        attachment(FORMAT, ONE, KEEP, Layout::TRANSFER_SRC_OPTIMAL).load_op(vk::AttachmentLoadOp::DONT_CARE),
     ];
     let colour = [reference(0, Layout::COLOR_ATTACHMENT_OPTIMAL)];
     let resolve = [reference(2, Layout::COLOR_ATTACHMENT_OPTIMAL)];

@@ -20,8 +20,8 @@ impl Renderer {
     /// Records draws of heads of `model` into `target`, in front of `background` (linear red, green, blue, and
     /// opacity).
     ///
-    /// There are two passes: one into the target's shadow map, and one into its image, which ends in the layout of
-    /// [`RendererDesc::layout`](crate::RendererDesc), ready for copies (`TRANSFER`) and for draws over it
+    /// There are two passes: one into the target's shadow map, and one into its image, which ends in
+    /// `TRANSFER_SRC_OPTIMAL`, ready for copies (`TRANSFER`) and for draws over it
     /// (`COLOR_ATTACHMENT_OUTPUT`). Earlier bindings of the command buffer are lost.
     ///
     /// A pass skips heads whose [bounds](Head::bounds) are outside its picture, which changes no pixel. Returns the
@@ -35,7 +35,6 @@ impl Renderer {
     /// - `cmd` is a primary command buffer that is recording on the renderer's device, outside a render pass, on a
     ///   queue with graphics.
     /// - Model and target were made with this renderer; no commands recorded with the target before are still to run.
-    ///   Its image view is alive.
     /// - The poses are of the renderer's format and of the model's mesh, tightly packed, ready for vertex-attribute
     ///   reads, and alive until the commands have run.
     pub(crate) unsafe fn record(

@@ -65,7 +65,7 @@ impl Renderer {
     /// # Safety
     /// - The handles belong together, and outlive the renderer and all [models](crate::Model) and
     ///   [targets](crate::Target) made with it.
-    /// - The device has Vulkan 1.1; images of the format can be drawn into with four samples.
+    /// - The device has Vulkan 1.1.
     /// - A renderer, model or target is dropped only when no commands recorded with it are still to run.
     pub(crate) unsafe fn new(
         instance: &ash::Instance,
@@ -100,7 +100,7 @@ impl Renderer {
             lines: vk::Pipeline::null(),
         };
         this.shadow_pass = passes::shadow(&this.gpu)?;
-        this.pass = passes::picture(&this.gpu, desc, depth_format)?;
+        this.pass = passes::picture(&this.gpu, depth_format)?;
         this.make_layouts()?;
         this.make_pipelines()?;
         Ok(this)

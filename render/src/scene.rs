@@ -72,9 +72,6 @@ pub(crate) struct Head {
     pub(crate) masks: Option<Masks>,
     /// Bounds of the pose, for culling; `None`: it is always drawn.
     pub(crate) bounds: Option<Bounds>,
-    /// The buffer with the vertices of still parts that joints have moved, and the offset there, in float32, which has
-    /// to be the renderer's pose format; `None`: as they stand.
-    pub(crate) still: Option<(vk::Buffer, u64)>,
 }
 
 /// The wrinkle masks of a head's pose. The engine sums them like any stream of the mesh

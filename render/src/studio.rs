@@ -1,10 +1,10 @@
-//! Pictures without a window: drawn into an image of its own, with several frames in flight.
+//! Pictures without a window, with several frames in flight.
 
 use crate::heads::{Heads, HeadsDesc, Updated};
-use crate::memory::{Buffer, Image, ImageDesc, failed};
+use crate::memory::failed;
 use crate::parts::Part;
 use crate::scene::{Scene, Show};
-use crate::target::Target;
+use crate::target::{Picture, Target};
 use deltamorph::ash::vk;
 use deltamorph::{Error, MorphMesh, PackedMesh, Result};
 use deltamorph_headless::{Headless, wait_idle};
@@ -13,23 +13,9 @@ use std::collections::VecDeque;
 use std::slice::from_ref;
 use std::sync::Arc;
 
-/// Shaders write linear colours, and the image stores sRGB.
-const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
-
-/// A picture: red, green, blue and opacity of each pixel in sRGB, row by row from the top. Colours are multiplied by
-/// the opacity before encoding.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Picture {
-    /// Width and height, in pixels.
-    pub size: [u32; 2],
-    /// Four bytes per pixel.
-    pub rgba: Vec<u8>,
-}
-
 /// Draws pictures of a mesh.
 pub struct Studio<'a> {
     headless: &'a Headless,
-    size: [u32; 2],
     frames: Vec<Frame>,
     /// Frames that are being drawn, the oldest first.
     pending: VecDeque<usize>,
@@ -41,8 +27,6 @@ pub struct Studio<'a> {
 /// The resources of a picture.
 struct Frame {
     target: Target,
-    image: Image,
-    pixels: Buffer,
     cmd: vk::CommandBuffer,
     fence: vk::Fence,
 }
@@ -61,49 +45,26 @@ impl<'a> Studio<'a> {
         size: [u32; 2],
         desc: &HeadsDesc<'_>,
     ) -> Result<Self> {
-        let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
         // SAFETY: the device is that of `headless`, which outlives the studio; `drop` waits for the device, and frames
         // are dropped first.
-        let heads = unsafe { Heads::new(headless, (FORMAT, layout), mesh, packed, parts, desc) }?;
-        let limits = &heads.renderer.gpu.limits;
-        let most = limits.max_image_dimension2_d.min(limits.max_framebuffer_width);
-        let [width, height] = size;
-        if width == 0 || height == 0 || width.max(height) > most {
-            return Err(Error::Invalid {
-                what: format!("a picture of {width} × {height} pixels"),
-                remedy: format!("{} draws 1 to {most} pixels across and down", headless.caps().name),
-            });
-        }
+        let heads = unsafe { Heads::new(headless, mesh, packed, parts, desc) }?;
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(headless.queue().1);
         let info = info.flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: the device has this family; destroyed by `drop`.
         let pool = unsafe { headless.handles().2.create_command_pool(&info, None) };
         let pool = pool.map_err(failed("vkCreateCommandPool"))?;
-        let mut this = Self { headless, size, frames: vec![], pending: VecDeque::new(), pool, draws: [0; 2], heads };
+        let mut this = Self { headless, frames: vec![], pending: VecDeque::new(), pool, draws: [0; 2], heads };
         for _ in 0..desc.frames {
-            let frame = this.frame()?;
+            let frame = this.frame(size)?;
             this.frames.push(frame);
         }
         Ok(this)
     }
 
-    fn frame(&self) -> Result<Frame> {
-        let gpu = &self.heads.renderer.gpu;
-        let device = &gpu.device;
-        let [width, height] = self.size;
-        let extent = vk::Extent2D { width, height };
-        let desc = ImageDesc {
-            extent,
-            format: FORMAT,
-            samples: vk::SampleCountFlags::TYPE_1,
-            usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC,
-            aspect: vk::ImageAspectFlags::COLOR,
-        };
-        let image = Image::new(gpu, &desc)?;
-        // SAFETY: the view's image lives as long as the target, and has the stated size and format.
-        let target = unsafe { self.heads.target(image.view, extent) }?;
-        // SAFETY: it is dropped with its frame.
-        let pixels = unsafe { self.heads.pixels(width as usize * height as usize * 4) }?;
+    fn frame(&self, size: [u32; 2]) -> Result<Frame> {
+        let device = self.headless.handles().2;
+        // SAFETY: `drop` waits for the device.
+        let target = unsafe { self.heads.target(size) }?;
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         // SAFETY: the pool is ours, and frees its buffers; the fence is destroyed by `drop`.
         let (cmd, fence) = unsafe {
@@ -111,12 +72,7 @@ impl<'a> Studio<'a> {
             let fence = device.create_fence(&vk::FenceCreateInfo::default(), None).map_err(failed("vkCreateFence"))?;
             (cmd, fence)
         };
-        Ok(Frame { target, image, pixels, cmd, fence })
-    }
-
-    /// Returns the heads, to set joints from the next picture on.
-    pub fn heads(&mut self) -> &mut Heads {
-        &mut self.heads
+        Ok(Frame { target, cmd, fence })
     }
 
     /// Draws `mesh`, made of `parts`, with each head: [`Heads::set_still`].
@@ -171,35 +127,16 @@ impl<'a> Studio<'a> {
     fn record(&mut self, slot: usize, places: &[Mat4], scene: &Scene, background: [f32; 4]) -> Result<()> {
         if matches!(scene.show, Show::Motion(_)) && !self.heads.has_previous()? {
             return Err(Error::Invalid {
-                what: "the previous pose, which the update has overwritten, or a step replaced".into(),
-                remedy: "use two slots or more, three on the path feedback, and no step".into(),
+                what: "the previous pose, which the update has overwritten, or which has recomputed normals".into(),
+                remedy: "use two slots or more, three on the path feedback, and the normals of targets".into(),
             });
         }
-        let Frame { target, image, pixels, cmd, .. } = &mut self.frames[slot];
+        let Frame { target, cmd, .. } = &mut self.frames[slot];
         // SAFETY: `cmd` is recording, after the update; the target is that of the heads, and its last picture has been
         // waited for.
         self.draws = unsafe { self.heads.record(*cmd, slot, target, places, scene, background) }?;
-        let layer = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-        let extent = vk::Extent3D { width: self.size[0], height: self.size[1], depth: 1 };
-        let region = [vk::BufferImageCopy::default().image_subresource(layer).image_extent(extent)];
-        let read = [vk::MemoryBarrier::default()
-            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-            .dst_access_mask(vk::AccessFlags::HOST_READ)];
-        let device = self.headless.handles().2;
-        // SAFETY: the image is in this layout after the pass, and has as many pixels as the buffer.
-        unsafe {
-            let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
-            device.cmd_copy_image_to_buffer(*cmd, image.raw, layout, pixels.raw, &region);
-            device.cmd_pipeline_barrier(
-                *cmd,
-                vk::PipelineStageFlags::TRANSFER,
-                vk::PipelineStageFlags::HOST,
-                Default::default(),
-                &read,
-                &[],
-                &[],
-            );
-        }
+        // SAFETY: `cmd` is recording, after the draws.
+        unsafe { target.copy_pixels(*cmd) };
         Ok(())
     }
 
@@ -222,7 +159,7 @@ impl<'a> Studio<'a> {
         let waited = unsafe { self.headless.handles().2.wait_for_fences(&[frame.fence], true, u64::MAX) };
         waited.map_err(failed("vkWaitForFences"))?;
         self.pending.pop_front();
-        Ok(Some(Picture { size: self.size, rgba: frame.pixels.contents().to_vec() }))
+        Ok(Some(frame.target.picture()))
     }
 
     /// Returns the numbers of draws of the last picture begun: recorded, and skipped by culling ([`HeadsDesc::cull`]).

@@ -4,7 +4,7 @@ use crate::cull::is_outside;
 use crate::glow::Glow;
 use crate::memory::{Buffer, Gpu, Image, ImageDesc, failed};
 use crate::model::Model;
-use crate::passes::{SAMPLES, SHADOW_EDGE, SHADOW_FORMAT};
+use crate::passes::{FORMAT, SAMPLES, SHADOW_EDGE, SHADOW_FORMAT};
 use crate::renderer::Renderer;
 use crate::scene::{Head, HeadScene, Scene, Show};
 use bytemuck::{bytes_of, cast_slice};
@@ -14,8 +14,18 @@ use glam::{Mat4, Vec3};
 use std::slice::from_ref;
 use std::sync::Arc;
 
-/// An image view of the host's, with the other resources of a frame: samples, depth, a shadow map, and data for
-/// shaders. One is needed for each frame in flight, or for each image of a swapchain.
+/// A picture: red, green, blue and opacity of each pixel in sRGB, row by row from the top. Colours are multiplied by
+/// the opacity before encoding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// Width and height, in pixels.
+    pub size: [u32; 2],
+    /// Four bytes per pixel.
+    pub rgba: Vec<u8>,
+}
+
+/// An image to draw into, with the other resources of a frame: samples, depth, a shadow map, data for shaders, and a
+/// buffer for pixels. One is needed for each frame in flight.
 pub struct Target {
     gpu: Arc<Gpu>,
     pub(crate) extent: vk::Extent2D,
@@ -32,42 +42,49 @@ pub struct Target {
     glow: Buffer,
     /// Numbers per head; 0 before any are set.
     numbers: usize,
-    _images: [Image; 3],
+    pixels: Buffer,
+    image: Image,
+    samples: Image,
+    depth: Image,
+    shadow_map: Image,
 }
 
 impl Target {
-    /// Makes a target for up to `heads` heads, drawn into `view`: an image of `extent` in the renderer's format that
-    /// may be drawn into.
+    /// The format of its image.
+    pub const FORMAT: vk::Format = FORMAT;
+
+    /// Makes a target of this width and height for up to `heads` heads.
     ///
     /// # Errors
-    /// There is no memory.
-    ///
-    /// # Safety
-    /// The view is alive, on the renderer's device, and as described.
-    pub(crate) unsafe fn new(
-        renderer: &Renderer,
-        view: vk::ImageView,
-        extent: vk::Extent2D,
-        heads: u32,
-    ) -> Result<Self> {
+    /// It has no pixels, or more than the device draws; there is no memory.
+    pub(crate) fn new(renderer: &Renderer, size: [u32; 2], heads: u32) -> Result<Self> {
         use vk::ImageUsageFlags as Usage;
         let gpu = renderer.gpu.clone();
         let heads = heads.max(1) as usize;
+        let most = gpu.limits.max_image_dimension2_d.min(gpu.limits.max_framebuffer_width);
+        let [width, height] = size;
+        if width == 0 || height == 0 || width.max(height) > most {
+            return Err(Error::Invalid {
+                what: format!("a picture of {width} × {height} pixels"),
+                remedy: format!("the device draws 1 to {most} pixels across and down"),
+            });
+        }
+        let extent = vk::Extent2D { width, height };
         let of = |extent, format, samples, usage, aspect| {
             Image::new(&gpu, &ImageDesc { extent, format, samples, usage, aspect })
         };
         let depth = Usage::DEPTH_STENCIL_ATTACHMENT;
         let passing = Usage::TRANSIENT_ATTACHMENT;
-        let format = renderer.desc.format;
         let one = vk::SampleCountFlags::TYPE_1;
         let coloured = vk::ImageAspectFlags::COLOR;
         let deep = vk::ImageAspectFlags::DEPTH;
         let edge = vk::Extent2D { width: SHADOW_EDGE, height: SHADOW_EDGE };
-        let images = [
-            of(extent, format, SAMPLES, Usage::COLOR_ATTACHMENT | passing, coloured)?,
-            of(extent, renderer.depth_format, SAMPLES, depth | passing, deep)?,
-            of(edge, SHADOW_FORMAT, one, depth | Usage::SAMPLED, deep)?,
-        ];
+        let image = of(extent, FORMAT, one, Usage::COLOR_ATTACHMENT | Usage::TRANSFER_SRC, coloured)?;
+        let samples = of(extent, FORMAT, SAMPLES, Usage::COLOR_ATTACHMENT | passing, coloured)?;
+        let shadow_map = of(edge, SHADOW_FORMAT, one, depth | Usage::SAMPLED, deep)?;
+        let depth = of(extent, renderer.depth_format, SAMPLES, depth | passing, deep)?;
+        let bytes = width as usize * height as usize * 4;
+        let pixels = Buffer::new(&gpu, bytes, vk::BufferUsageFlags::TRANSFER_DST, true)?;
         let alignment = gpu.limits.min_uniform_buffer_offset_alignment as usize;
         let stride = size_of::<HeadScene>().next_multiple_of(alignment.max(1));
         let scenes = Buffer::new(&gpu, stride * heads, vk::BufferUsageFlags::UNIFORM_BUFFER, false)?;
@@ -88,13 +105,54 @@ impl Target {
             scenes,
             glow,
             numbers: 0,
-            _images: images,
+            pixels,
+            image,
+            samples,
+            depth,
+            shadow_map,
         };
-        let views = [this._images[0].view, this._images[1].view, view];
+        let views = [this.samples.view, this.depth.view, this.image.view];
         this.framebuffer = this.framebuffer(renderer.pass, &views, extent)?;
-        this.shadow_framebuffer = this.framebuffer(renderer.shadow_pass, &[this._images[2].view], edge)?;
+        this.shadow_framebuffer = this.framebuffer(renderer.shadow_pass, &[this.shadow_map.view], edge)?;
         this.make_set(renderer)?;
         Ok(this)
+    }
+
+    /// Returns the image, and a view of it. After [`Heads::record`](crate::Heads::record) it is in
+    /// `TRANSFER_SRC_OPTIMAL`.
+    pub fn image(&self) -> (vk::Image, vk::ImageView) {
+        (self.image.raw, self.image.view)
+    }
+
+    /// Returns width and height.
+    pub fn size(&self) -> [u32; 2] {
+        [self.extent.width, self.extent.height]
+    }
+
+    /// Records a copy of the image's pixels, for [`picture`](Self::picture).
+    ///
+    /// # Safety
+    /// `cmd` is recording on the device, outside a render pass; the image is in `TRANSFER_SRC_OPTIMAL`, ready for
+    /// copies.
+    pub unsafe fn copy_pixels(&self, cmd: vk::CommandBuffer) {
+        let layer = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let region = [vk::BufferImageCopy::default().image_subresource(layer).image_extent(self.extent.into())];
+        let read = [vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
+            .dst_access_mask(vk::AccessFlags::HOST_READ)];
+        let device = &self.gpu.device;
+        let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
+        let [from, to] = [vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST];
+        // SAFETY: the caller's obligations; the buffer has room for the pixels of the image.
+        unsafe {
+            device.cmd_copy_image_to_buffer(cmd, self.image.raw, layout, self.pixels.raw, &region);
+            device.cmd_pipeline_barrier(cmd, from, to, Default::default(), &read, &[], &[]);
+        }
+    }
+
+    /// Returns the pixels of the last copy, which has run.
+    pub fn picture(&self) -> Picture {
+        Picture { size: self.size(), rgba: self.pixels.contents().to_vec() }
     }
 
     fn framebuffer(
@@ -127,7 +185,7 @@ impl Target {
         }
         let scenes = [vk::DescriptorBufferInfo::default().buffer(self.scenes.raw).range(size_of::<HeadScene>() as u64)];
         let map = [vk::DescriptorImageInfo::default()
-            .image_view(self._images[2].view)
+            .image_view(self.shadow_map.view)
             .image_layout(vk::ImageLayout::DEPTH_STENCIL_READ_ONLY_OPTIMAL)
             .sampler(renderer.sampler)];
         let write = |binding: u32| {

@@ -1,6 +1,6 @@
 //! Pictures of all pose formats, on every driver, under the validation layers.
 
-use deltamorph::after::{NormalsDesc, SkinDesc, SkinMethod};
+use deltamorph::after::NormalsDesc;
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
     BatchSize, DeltaFormat, MorphMesh, MorphSource, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
@@ -8,9 +8,7 @@ use deltamorph::{
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph_render::wrinkles;
-use deltamorph_render::{
-    Camera, Face, HeadsDesc, Light, Material, Part, Picture, Scene, Show, Step, Studio, Surface, parts,
-};
+use deltamorph_render::{Camera, Face, HeadsDesc, Light, Material, Part, Picture, Scene, Show, Studio, Surface, parts};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -285,27 +283,15 @@ fn a_jaw_that_alone_reaches_into_the_picture_is_drawn() {
     });
 }
 
-/// The output of a step is drawn as the float64 reference computes it: skinned, or with normals of the surface.
+/// Recomputed normals are drawn as the float64 reference computes them.
 #[test]
-fn what_steps_write_is_drawn_as_their_references_say() {
+fn recomputed_normals_are_drawn_as_their_reference_says() {
     let mesh = mesh(&source());
     let mut frames = frames(3);
     // Several targets at once, whose normals do not add up.
     frames[1].iter_mut().step_by(2).for_each(|weight| *weight = 0.7);
     let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
     let surface = NormalsDesc::new(&corners).sizes(&mesh.faces.sizes).welds(&mesh.welds);
-    // The chin follows one joint, the forehead another.
-    let joints = [0, 1, 0, 0].repeat(mesh.vertex_count());
-    let up = mesh.positions.iter().map(|p| (p.y / 16.0 + 0.5).clamp(0.0, 1.0));
-    let weights: Vec<f32> = up.flat_map(|up| [1.0 - up, up, 0.0, 0.0]).collect();
-    let skin = SkinDesc::new(4, 2, &joints, &weights);
-    let posed = |frame: usize| -> Vec<f32> {
-        let turn = Mat4::from_axis_angle(Vec3::new(0.2, 0.9, 0.1).normalize(), 0.4 * frame as f32 - 0.3);
-        [Mat4::from_scale(Vec3::new(1.0, 1.1, 0.9)), turn * Mat4::from_translation(Vec3::new(0.5, 1.0, 0.0))]
-            .iter()
-            .flat_map(|joint| joint.transpose().to_cols_array().into_iter().take(12))
-            .collect()
-    };
     let places = [Mat4::IDENTITY];
     on_every_device(|headless| {
         for (format, update) in [
@@ -318,66 +304,55 @@ fn what_steps_write_is_drawn_as_their_references_say() {
             let parts: Vec<_> =
                 parts.into_iter().map(|part| Part { material: Material::Skin, ball: None, ..part }).collect();
             let grid = update.grid(packed.layout()).expect("a grid");
-            for step in [Step::Skin(skin), Step::Normals(surface)] {
-                let reference = |frame: usize| {
-                    let rounded: Vec<f32> =
-                        frames[frame].iter().map(|&weight| grid.map_or(weight, |grid| grid.round(weight))).collect();
-                    let mut pose = evaluate(&packed, &rounded);
-                    if let Step::Skin(skin) = &step {
-                        pose = reference::skin(&pose, skin, SkinMethod::Linear, &posed(frame)).expect("a skinned pose");
-                    } else {
-                        let normals = reference::normals(&pose, &surface).expect("normals");
-                        let pairs = pose.chunks_exact_mut(6).zip(normals.chunks_exact(3));
-                        pairs.for_each(|(vertex, normal)| vertex[3..].copy_from_slice(normal));
-                    }
-                    // A mesh that is there, without targets.
-                    let vectors: Vec<Vec3> = pose.chunks_exact(3).map(|v| DVec3::from_slice(v).as_vec3()).collect();
-                    MorphMesh {
-                        positions: vectors.iter().step_by(2).copied().collect(),
-                        normals: vectors.iter().skip(1).step_by(2).copied().collect(),
-                        targets: vec![],
-                        ..mesh.clone()
-                    }
-                };
-                for show in [Show::Shaded, Show::Normals] {
-                    let scene = scene(&mesh, &places, Camera { yaw: 20.0, ..Camera::default() }, show);
-                    let desc = HeadsDesc { frames: 2, step, ..HeadsDesc::new(update) };
-                    let mut stepped = Studio::new(headless, &mesh, &packed, &parts, SIZE, &desc).expect("a studio");
-                    let mut found = vec![];
-                    let mut expected = vec![];
-                    for (frame, weights) in frames.iter().enumerate() {
-                        if let Step::Skin(_) = step {
-                            stepped.heads().set_joints(0, &posed(frame)).expect("joints");
-                        }
-                        found.extend(stepped.draw(&[weights], &places, &scene, BLACK).expect("a frame"));
-                        let given = reference(frame);
-                        let base = self::packed(headless, &given, DeltaFormat::Fast);
-                        let desc = HeadsDesc::new(UpdateDesc::blocks());
-                        let mut given = Studio::new(headless, &given, &base, &parts, SIZE, &desc).expect("a studio");
-                        given.draw(&[&[]], &places, &scene, BLACK).expect("a frame");
-                        expected.extend(given.finish().expect("a picture"));
-                    }
-                    found.extend(stepped.finish().expect("pictures"));
-                    for (frame, (found, expected)) in found.iter().zip(&expected).enumerate() {
-                        let what = format!("{step:.20?} {update:?}, {show:?}, frame {frame}");
-                        let (mean, far) = difference(found, expected);
-                        assert!(mean < 0.05 && far <= 20 * leeway(headless), "{what}: {mean} {far}");
-                    }
-                    assert!(difference(&found[0], &found[1]).1 > 100, "frames differ");
+            let reference = |frame: usize| {
+                let rounded: Vec<f32> =
+                    frames[frame].iter().map(|&weight| grid.map_or(weight, |grid| grid.round(weight))).collect();
+                let mut pose = evaluate(&packed, &rounded);
+                let normals = reference::normals(&pose, &surface).expect("normals");
+                let pairs = pose.chunks_exact_mut(6).zip(normals.chunks_exact(3));
+                pairs.for_each(|(vertex, normal)| vertex[3..].copy_from_slice(normal));
+                // A mesh that is there, without targets.
+                let vectors: Vec<Vec3> = pose.chunks_exact(3).map(|v| DVec3::from_slice(v).as_vec3()).collect();
+                MorphMesh {
+                    positions: vectors.iter().step_by(2).copied().collect(),
+                    normals: vectors.iter().skip(1).step_by(2).copied().collect(),
+                    targets: vec![],
+                    ..mesh.clone()
                 }
+            };
+            for show in [Show::Shaded, Show::Normals] {
+                let scene = scene(&mesh, &places, Camera { yaw: 20.0, ..Camera::default() }, show);
+                let desc = HeadsDesc { frames: 2, normals: Some(surface), ..HeadsDesc::new(update) };
+                let mut recomputed = Studio::new(headless, &mesh, &packed, &parts, SIZE, &desc).expect("a studio");
+                let mut found = vec![];
+                let mut expected = vec![];
+                for (frame, weights) in frames.iter().enumerate() {
+                    found.extend(recomputed.draw(&[weights], &places, &scene, BLACK).expect("a frame"));
+                    let given = reference(frame);
+                    let base = self::packed(headless, &given, DeltaFormat::Fast);
+                    let desc = HeadsDesc::new(UpdateDesc::blocks());
+                    let mut given = Studio::new(headless, &given, &base, &parts, SIZE, &desc).expect("a studio");
+                    given.draw(&[&[]], &places, &scene, BLACK).expect("a frame");
+                    expected.extend(given.finish().expect("a picture"));
+                }
+                found.extend(recomputed.finish().expect("pictures"));
+                for (frame, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                    let what = format!("{update:?}, {show:?}, frame {frame}");
+                    let (mean, far) = difference(found, expected);
+                    assert!(mean < 0.05 && far <= 20 * leeway(headless), "{what}: {mean} {far}");
+                }
+                assert!(difference(&found[0], &found[1]).1 > 100, "frames differ");
             }
         }
         let packed = packed(headless, &mesh, DeltaFormat::Fast);
-        let desc = HeadsDesc { step: Step::Skin(skin), ..HeadsDesc::new(UpdateDesc::blocks()) };
+        let desc = HeadsDesc { normals: Some(surface), ..HeadsDesc::new(UpdateDesc::blocks()) };
         let cpu = HeadsDesc { update: UpdateDesc::new(UpdatePath::Cpu, BatchSize::All), ..desc };
         let refused = Studio::new(headless, &mesh, &packed, &[], SIZE, &cpu).err().expect("no crowd");
         assert!(refused.to_string().contains("on the path 'cpu'"), "{refused}");
         let mut studio = Studio::new(headless, &mesh, &packed, &[], SIZE, &desc).expect("a studio");
-        let joints = studio.heads().set_joints(0, &[0.0; 12]);
-        assert!(joints.expect_err("two joints").to_string().contains("twelve for each"));
         let scene = scene(&mesh, &places, Camera::default(), Show::Motion(1.0));
         let refused = studio.draw(&[&frames[0]], &places, &scene, BLACK).expect_err("no motion");
-        assert!(refused.to_string().contains("and no step"), "{refused}");
+        assert!(refused.to_string().contains("recomputed normals"), "{refused}");
     });
 }
 

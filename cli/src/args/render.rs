@@ -54,7 +54,7 @@ pub struct RenderArgs {
     /// one
     #[arg(long, value_name = "LOOK", default_value = "shaded")]
     pub show: Look,
-    /// Normals of poses: summed with the targets, or recomputed from the morphed surface (skinning is then off)
+    /// Normals of poses: summed with the targets, or recomputed from the morphed surface
     #[arg(long, value_name = "WHICH", default_value = "summed")]
     pub normals: Normals,
     /// Length at which the colours of --heat and of --show motion end, in input units [default: the largest length]
@@ -109,11 +109,6 @@ impl Look {
     /// Whether it depends on the previous pose.
     pub fn is_of_changes(self) -> bool {
         matches!(self, Self::Motion | Self::Blocks)
-    }
-
-    /// Whether it is of targets alone: joints are at rest.
-    pub fn is_of_targets(self) -> bool {
-        matches!(self, Self::Heat | Self::Motion | Self::Wrinkles)
     }
 
     /// For the renderer; `end`: where colours that stand for lengths end.

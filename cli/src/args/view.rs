@@ -41,16 +41,12 @@ Commands of scripts, one a line; the rest of a line after # is a remark:
   clip FILE                 take a clip: a CSV file, or a glTF file's animation as FILE or FILE#NAME
   play | pause              play the clip; every frame is a 60th of a second
   scrub FRAME               go to a frame of the clip
-  path PATH | format FORMAT | pose FORMAT
-                            update in another way, spelled as the options are
-  show LOOK                 shaded, wire, normals, heat, motion, blocks or wrinkles
+  show LOOK                 shaded, wire, normals, heat, motion or blocks
   camera YAW,PITCH | zoom X turn the camera; 2 shows the middle half at twice the size
   pan X,Y                   move the picture to the right and down, in shares of the room for it
   home                      the camera as at the beginning
-  panel on|off | help on|off
-                            show or hide the panel, and the list of keys
+  panel on|off              show or hide the panel
   frames N                  draw N frames
   resize W H                change the size of the window
   screenshot OUT.png        write the next frame
-  stats OUT.json            write the times of updates and frames since path, format or poses changed
   quit                      close the window, as the end of the script does";

@@ -28,8 +28,7 @@ pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     let scale = heat::prepare(scenery, &mut easel, heat::one_after_the_other(&frames))?;
     let bar = scenery.out.bar(frames.len() as u64);
     let mut all = |send: &mut dyn FnMut(Canvas) -> bool| -> Result<(), Failure> {
-        for (frame, weights) in frames.iter().enumerate() {
-            easel.frames = vec![Some(frame)];
+        for weights in &frames {
             bar.inc(1);
             if let Some(canvas) = easel.draw(&[weights])?
                 && !send(canvas)

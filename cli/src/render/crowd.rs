@@ -7,17 +7,13 @@ use crate::output::Failure;
 use glam::{Mat4, Vec3};
 use std::path::Path;
 
-/// Weights of each instance, those of the frame before, and the frames of the clip that they show.
-type Expressions = ([Vec<Vec<f32>>; 2], Vec<Option<usize>>);
-
 /// Default size of a picture, in pixels.
 const SIZE: [u32; 2] = [1280, 720];
 
 pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Failure> {
     let size = scenery.args.size.unwrap_or(SIZE);
-    let ([poses, before], frames) = expressions(scenery, heads as usize)?;
+    let [poses, before] = expressions(scenery, heads as usize)?;
     let mut easel = Easel::new(scenery, size, places(&scenery.subject.focus, heads, size))?;
-    easel.frames = frames;
     let poses: Vec<&[f32]> = poses.iter().map(Vec::as_slice).collect();
     let before: Vec<&[f32]> = before.iter().map(Vec::as_slice).collect();
     let scale = heat::prepare(scenery, &mut easel, poses.iter().copied().zip(before.iter().copied()))?;
@@ -33,13 +29,13 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
     Ok(Done { what, size, frames: 1, scale })
 }
 
-/// Frames spread over the clip, the frame before each, and their numbers.
-fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failure> {
+/// Weights of frames spread over the clip, and of the frame before each.
+fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<[Vec<Vec<f32>>; 2], Failure> {
     let (frames, _) = scenery.frames()?;
     let at = |head: usize| head * frames.len() / heads;
     let now = (0..heads).map(|head| frames[at(head)].clone());
     let before = (0..heads).map(|head| frames[at(head).saturating_sub(1)].clone());
-    Ok(([now.collect(), before.collect()], (0..heads).map(|head| Some(at(head))).collect()))
+    Ok([now.collect(), before.collect()])
 }
 
 /// Places in rows that fill the picture, each row behind and slightly above the one in front; instances turn slightly

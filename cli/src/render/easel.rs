@@ -1,14 +1,11 @@
 //! The base of every picture: the mesh, packed and uploaded, a camera that fits it, and instances on the chosen path.
 
 use super::canvas::Canvas;
-use super::joints::Joints;
-use super::painted::Still;
 use super::scenery::Scenery;
 use crate::args::render::Normals;
 use crate::output::Failure;
-use deltamorph::UpdatePath;
 use deltamorph::after::NormalsDesc;
-use deltamorph_render::{Camera, HeadsDesc, Light, Scene, Step, Studio};
+use deltamorph_render::{Camera, HeadsDesc, Light, Scene, Studio};
 use glam::{Mat4, Vec3};
 
 /// Pictures in flight: the processor encodes and plans while the device draws.
@@ -22,10 +19,6 @@ const MARGIN: f32 = 0.08;
 pub struct Easel<'a> {
     studio: Studio<'a>,
     places: Vec<Mat4>,
-    /// Frame of the clip that each instance shows, for its joints; `None`: at rest.
-    pub frames: Vec<Option<usize>>,
-    joints: Option<&'a Joints>,
-    still: Option<&'a Still>,
     pub scene: Scene,
     background: [f32; 4],
 }
@@ -34,7 +27,6 @@ impl<'a> Easel<'a> {
     /// For pictures of this size, with an instance at each of `places`, on the path of the command line.
     pub fn new(scenery: &'a Scenery<'_>, size: [u32; 2], places: Vec<Mat4>) -> Result<Self, Failure> {
         let Scenery { args, stage, subject, .. } = scenery;
-        let joints = scenery.joints.as_ref().filter(|_| stage.desc.path != UpdatePath::Cpu);
         let mesh = &scenery.input.kept;
         let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
         let surface = NormalsDesc::new(&corners).sizes(&mesh.faces.sizes).welds(&mesh.welds);
@@ -43,11 +35,7 @@ impl<'a> Easel<'a> {
             frames: IN_FLIGHT,
             update: stage.desc,
             threads: stage.threads(),
-            step: match (joints, args.normals) {
-                (Some(joints), _) => Step::Skin(joints.skin()),
-                (None, Normals::Recomputed) => Step::Normals(surface),
-                (None, Normals::Summed) => Step::None,
-            },
+            normals: (args.normals == Normals::Recomputed).then_some(surface),
             afterglow: if args.clip.is_some() { AFTERGLOW } else { 0.0 },
             cull: places.len() > 1,
         };
@@ -65,10 +53,7 @@ impl<'a> Easel<'a> {
         let show = args.look().show(1.0);
         Ok(Self {
             studio,
-            frames: vec![None; places.len()],
             places,
-            joints,
-            still: subject.still.as_ref(),
             scene: Scene { view, light: Light { yaw, pitch, strength }, show },
             background: args.background.linear(),
         })
@@ -76,16 +61,6 @@ impl<'a> Easel<'a> {
 
     /// Begins a picture of the instances with these weights. Returns the oldest picture if it had to wait for it.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
-        if let Some(joints) = self.joints {
-            let heads = self.studio.heads();
-            for (head, frame) in self.frames.iter().enumerate() {
-                let frame = frame.map(|frame| frame as f64);
-                heads.set_joints(head, &joints.at(frame))?;
-                if let Some(vertices) = self.still.and_then(|still| joints.still_at(still, frame)) {
-                    heads.set_still_vertices(head, &vertices)?;
-                }
-            }
-        }
         let finished = self.studio.draw(weights, &self.places, &self.scene, self.background)?;
         Ok(finished.map(Canvas::from))
     }

@@ -5,7 +5,6 @@ mod clip;
 pub mod crowd;
 mod easel;
 mod heat;
-pub mod joints;
 mod names;
 pub mod painted;
 pub mod scenery;
@@ -13,12 +12,10 @@ pub mod scenery;
 use crate::args::render::{Look, RenderArgs};
 use crate::input;
 use crate::output::{Failure, Output, With, check_ending};
-use crate::runner::{Stage, open, updates};
-use deltamorph::UpdatePath;
+use crate::runner::{Stage, open};
 use deltamorph_headless::DeviceChoice;
 use easel::Easel;
 use glam::Mat4;
-use joints::Joints;
 use scenery::{Done, SIZE, Scenery, Subject};
 use serde_json::json;
 use std::path::Path;
@@ -50,8 +47,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     let gpu = open(device, out)?.map(Rc::new).ok_or_else(|| {
         Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
     })?;
-    let unposed = joints::file(args).is_some() && updates(&gpu, &args.run);
-    let mut input = input::load_unposed(&args.run.input, unposed, out)?;
+    let mut input = input::load(&args.run.input, false, out)?;
     if args.look() == Look::Wrinkles {
         input.add_masks()?;
     }
@@ -63,25 +59,11 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         input.out = notes;
     }
     let stage = Stage::on(Some(gpu.clone()), &args.run, &input, out)?;
-    let mut subject = Subject::new(args.run.input.input.as_deref(), &input, unposed)?;
-    if subject.has_joints && joints::file(args).is_some() && stage.desc.path == UpdatePath::Cpu {
-        out.note("the path 'cpu' skins nothing: joints move on the paths of the device");
-    }
-    let mut joints = if unposed { Joints::of(&args.run.input, &input)? } else { None };
-    let clip = match (&args.weights, &input.clips[..]) {
-        (None, [only]) => Some(only),
-        (named, _) => named.as_ref(),
-    };
-    if let Some(joints) = &mut joints {
-        if let Some(clip) = clip {
-            joints.play(&input::named(clip, &args.run.input)?)?;
-        }
-        subject.reach(joints, &input.kept, args.frame.map(|frame| frame as f64), !one_pose);
-    }
+    let mut subject = Subject::new(args.run.input.input.as_deref(), &input)?;
     if args.whole {
         subject.focus.clone_from(&subject.whole);
     }
-    let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, joints, out };
+    let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, out };
     let Done { mut what, size, frames, scale } = match args.crowd {
         Some(heads) => crowd::draw(&scenery, heads, output)?,
         None if args.clip.is_some() => clip::draw(&scenery, output)?,
@@ -105,7 +87,6 @@ fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     let size = scenery.args.size.unwrap_or(SIZE);
     let [weights, before] = scenery.weights()?;
     let mut easel = Easel::new(scenery, size, vec![Mat4::IDENTITY])?;
-    easel.frames = vec![scenery.args.frame];
     let scale = heat::prepare(scenery, &mut easel, std::iter::once((&weights[..], &before[..])))?;
     if scenery.args.look().is_of_changes() {
         easel.picture(&[&before])?;

@@ -1,6 +1,5 @@
 //! The inputs of pictures: the mesh and its parts, the device and update description, the requested weights.
 
-use super::joints::Joints;
 use super::names;
 use super::painted::{self, Painted, Still};
 use crate::args::render::RenderArgs;
@@ -24,7 +23,6 @@ pub struct Scenery<'a> {
     pub stage: &'a Stage,
     pub gpu: &'a Gpu,
     pub subject: Subject,
-    pub joints: Option<Joints>,
     pub out: &'a Output,
 }
 
@@ -47,20 +45,18 @@ pub struct Subject {
     pub still: Option<Still>,
     /// Yaw of a camera that looks at the face, in degrees.
     pub front: f32,
-    /// Whether its file has joints, or nodes that move.
-    pub has_joints: bool,
 }
 
 impl Subject {
-    /// The subject of the mesh that was read from `path`, or of the built-in head; `unposed`, if joints are to move it.
-    pub fn new(path: Option<&Path>, input: &Input, unposed: bool) -> Result<Self, Failure> {
+    /// The subject of the mesh that was read from `path`, or of the built-in head.
+    pub fn new(path: Option<&Path>, input: &Input) -> Result<Self, Failure> {
         let mesh = &input.kept;
         let Some(path) = path.filter(|path| is_gltf(path) && path.is_file() && input.packed.is_none()) else {
             return Ok(Self::of_mesh(path, mesh));
         };
-        let Painted { parts, has_joints, still } = painted::of_file(path, mesh, unposed)?;
+        let Painted { parts, still } = painted::of_file(path, mesh)?;
         let (focus, whole) = views(mesh, &parts, still.as_ref());
-        Ok(Self { parts, focus, whole, still, front: input.front, has_joints })
+        Ok(Self { parts, focus, whole, still, front: input.front })
     }
 
     /// The subject of a mesh with the same faces as the one at `path`, by itself.
@@ -69,15 +65,7 @@ impl Subject {
         let said: Vec<Face<'_>> = names.iter().map(|name| Face::Named(name)).collect();
         let parts = parts(mesh, &said);
         let (focus, whole) = views(mesh, &parts, None);
-        Self { parts, focus, whole, still: None, front: 0.0, has_joints: false }
-    }
-
-    /// Takes what joints move in this frame, or in all, in place of what is there without them.
-    pub fn reach(&mut self, joints: &Joints, mesh: &MorphMesh, frame: Option<f64>, all: bool) {
-        let mut whole = joints.reach(mesh, &self.whole, frame, all);
-        whole.extend(self.still.iter().flat_map(|still| joints.reach_of_still(still, frame, all)));
-        self.whole = whole;
-        self.focus = joints.reach(mesh, &self.focus, frame, all);
+        Self { parts, focus, whole, still: None, front: 0.0 }
     }
 }
 

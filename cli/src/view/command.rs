@@ -2,9 +2,10 @@
 
 use crate::args::render::{self, Look};
 use crate::args::values::{self, name};
-use clap::ValueEnum;
-use deltamorph::{DeltaFormat, PoseFormat, UpdatePath};
 use std::path::PathBuf;
+
+/// What the window shows: whatever is not a stream of its own in the mesh.
+pub const LOOKS: [Look; 6] = [Look::Shaded, Look::Wire, Look::Normals, Look::Heat, Look::Motion, Look::Blocks];
 
 /// A command that the panel and scripts have.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,9 +17,6 @@ pub enum Command {
     Pause,
     /// Goes to a frame of the clip, counted from 0.
     Scrub(f64),
-    Path(UpdatePath),
-    Format(DeltaFormat),
-    Pose(PoseFormat),
     Show(Look),
     Camera([f32; 2]),
     /// How far the picture is moved to the right and down, in shares of the room for it at zoom 1.
@@ -28,8 +26,6 @@ pub enum Command {
     /// The camera as at the beginning.
     Home,
     Panel(bool),
-    /// Whether keys and mouse are explained.
-    Help(bool),
 }
 
 /// A step of a script.
@@ -40,7 +36,6 @@ pub enum Step {
     Frames(u64),
     Resize([u32; 2]),
     Screenshot(PathBuf),
-    Stats(PathBuf),
     Quit,
 }
 
@@ -55,27 +50,17 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
         true => Err(format!("{word}: the file is missing; write `{word} FILE`")),
         false => Ok(PathBuf::from(rest)),
     };
-    let switch = || match rest {
-        "on" => Ok(true),
-        "off" => Ok(false),
-        _ => Err(format!("{word}: write `{word} on` or `{word} off`")),
-    };
     let say = |error: String| format!("{word} {rest}: {error}");
-    let alone = match word {
-        "" => return Ok(None),
-        "reset" => Some(Step::Do(Command::Reset)),
-        "home" => Some(Step::Do(Command::Home)),
-        "play" => Some(Step::Do(Command::Play)),
-        "pause" => Some(Step::Do(Command::Pause)),
-        "quit" => Some(Step::Quit),
-        _ => None,
-    };
-    if alone.is_some() {
-        let rest = if rest.is_empty() { Ok(alone) } else { Err(rest) };
-        return rest.map_err(|rest| format!("{word}: takes nothing, and there is '{rest}'; leave it out"));
-    }
-    let command = match word {
-        "set" => {
+    let command = match (word, rest) {
+        ("", _) => return Ok(None),
+        ("quit", "") => return Ok(Some(Step::Quit)),
+        ("reset", "") => Command::Reset,
+        ("home", "") => Command::Home,
+        ("play", "") => Command::Play,
+        ("pause", "") => Command::Pause,
+        ("panel", "on") => Command::Panel(true),
+        ("panel", "off") => Command::Panel(false),
+        ("set", _) => {
             let parsed =
                 rest.rsplit_once(char::is_whitespace).and_then(|(name, w)| Some((name.trim(), w.parse().ok()?)));
             let Some((name, weight)) = parsed.filter(|(_, weight): &(_, f32)| weight.is_finite()) else {
@@ -83,28 +68,22 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
             };
             Command::Set(name.to_owned(), weight)
         }
-        "clip" => Command::Clip(path()?),
-        "scrub" => {
+        ("clip", _) => Command::Clip(path()?),
+        ("scrub", _) => {
             let frame = values::number("a frame of the clip, counted from 0", |v| v >= 0.0)(rest);
             Command::Scrub(frame.map_err(say)?.into())
         }
-        "path" => Command::Path(one_of(&UpdatePath::ALL, |path| path.name().into(), rest).map_err(say)?),
-        "format" => Command::Format(one_of(&DeltaFormat::ALL, |format| format.name().into(), rest).map_err(say)?),
-        "pose" => Command::Pose(one_of(&PoseFormat::ALL, |pose| pose.name().into(), rest).map_err(say)?),
-        "show" => Command::Show(one_of(Look::value_variants(), name, rest).map_err(say)?),
-        "camera" => Command::Camera(render::camera(rest).map_err(say)?),
-        "zoom" => Command::Zoom(values::zoom(rest).map_err(say)?),
-        "pan" => Command::Pan(pan(rest).ok_or_else(|| say("write `pan X,Y`, as in `pan 0.2,-0.1`".into()))?),
-        "help" => Command::Help(switch()?),
-        "panel" => Command::Panel(switch()?),
-        "frames" => return Ok(Some(Step::Frames(values::whole(1, 1_000_000_000)(rest).map_err(say)?))),
-        "resize" => {
+        ("show", _) => Command::Show(look(rest).map_err(say)?),
+        ("camera", _) => Command::Camera(render::camera(rest).map_err(say)?),
+        ("zoom", _) => Command::Zoom(values::zoom(rest).map_err(say)?),
+        ("pan", _) => Command::Pan(pan(rest).ok_or_else(|| say("write `pan X,Y`, as in `pan 0.2,-0.1`".into()))?),
+        ("frames", _) => return Ok(Some(Step::Frames(values::whole(1, 1_000_000_000)(rest).map_err(say)?))),
+        ("resize", _) => {
             let size = rest.split_once([' ', 'x']).map(|(w, h)| format!("{}x{}", w.trim(), h.trim()));
             return Ok(Some(Step::Resize(render::size(&size.unwrap_or_default()).map_err(say)?)));
         }
-        "screenshot" => return Ok(Some(Step::Screenshot(path()?))),
-        "stats" => return Ok(Some(Step::Stats(path()?))),
-        unknown => return Err(format!("'{unknown}' is no command; `deltamorph view --help` lists them")),
+        ("screenshot", _) => return Ok(Some(Step::Screenshot(path()?))),
+        _ => return Err(format!("'{line}' is no command; `deltamorph view --help` lists them")),
     };
     Ok(Some(Step::Do(command)))
 }
@@ -115,10 +94,9 @@ fn pan(text: &str) -> Option<[f32; 2]> {
     Some([number(x)?, number(y)?])
 }
 
-fn one_of<T: Copy>(all: &[T], name: fn(T) -> String, given: &str) -> Result<T, String> {
-    let names: Vec<String> = all.iter().map(|one| name(*one)).collect();
-    let at = names.iter().position(|name| name == given);
-    at.map(|at| all[at]).ok_or_else(|| format!("give one of: {}", names.join(", ")))
+fn look(text: &str) -> Result<Look, String> {
+    let look = LOOKS.into_iter().find(|look| name(*look) == text);
+    look.ok_or_else(|| format!("give one of: {}", LOOKS.map(name).join(", ")))
 }
 
 /// Parses a script: its steps with their lines, counted from 1.
@@ -137,15 +115,15 @@ mod tests {
 
     #[test]
     fn every_command_of_the_help_is_read() {
-        let lines = "set jaw open 0.5\nreset\nclip a b.csv\nplay\npause\nscrub 12.5\npath blocks\nformat small\n\
-                     pose fixed16\nshow heat\ncamera -20,5\nzoom 2\npan 0.5,-1\nhome\npanel on\nhelp off # a remark\n\
-                     frames 3\nresize 640 480\nresize 640x480\nscreenshot x#y.png\nstats s.json\nquit\n\n# nothing\n";
+        let lines = "set jaw open 0.5\nreset\nclip a b.csv\nplay\npause\nscrub 12.5\n\
+                     show heat\ncamera -20,5\nzoom 2\npan 0.5,-1\nhome\npanel off # a remark\n\
+                     frames 3\nresize 640 480\nresize 640x480\nscreenshot x#y.png\nquit\n\n# nothing\n";
         let steps = script(lines).expect("commands");
-        assert_eq!(steps.len(), 22);
+        assert_eq!(steps.len(), 17);
         assert_eq!(steps[0], (1, Step::Do(Command::Set("jaw open".into(), 0.5))));
-        assert_eq!(steps[15].1, Step::Do(Command::Help(false)));
-        assert_eq!((&steps[17].1, &steps[18].1), (&Step::Resize([640, 480]), &Step::Resize([640, 480])));
-        assert_eq!(steps[19].1, Step::Screenshot("x#y.png".into()));
+        assert_eq!(steps[11].1, Step::Do(Command::Panel(false)));
+        assert_eq!((&steps[13].1, &steps[14].1), (&Step::Resize([640, 480]), &Step::Resize([640, 480])));
+        assert_eq!(steps[15].1, Step::Screenshot("x#y.png".into()));
         for word in lines.lines().filter_map(|line| line.split_whitespace().next()).filter(|word| *word != "#") {
             assert!(HELP.contains(&format!("{word} ")) || HELP.contains(&format!("{word}\n")), "{word}");
         }
@@ -157,13 +135,12 @@ mod tests {
             ("frames 3\njump", "line 2: 'jump' is no command"),
             ("set jawOpen", "write `set NAME WEIGHT`"),
             ("set jawOpen NaN", "write `set NAME WEIGHT`"),
-            ("play now", "leave it out"),
-            ("path fast", "give one of: "),
-            ("show", "give one of: shaded, wire"),
+            ("play now", "'play now' is no command"),
+            ("show wrinkles", "give one of: shaded, wire"),
             ("resize 640", "give width and height, as in 768x768"),
             ("resize 0 5", "a whole number from 16"),
             ("frames 0", "a whole number from 1"),
-            ("panel maybe", "`panel on` or `panel off`"),
+            ("panel maybe", "'panel maybe' is no command"),
             ("clip", "the file is missing"),
             ("camera 1", "degrees around"),
             ("pan 1", "write `pan X,Y`"),

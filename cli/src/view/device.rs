@@ -4,7 +4,7 @@
 use crate::output::Failure;
 use ash_window::{create_surface, enumerate_required_extensions};
 use deltamorph::ash::{self, khr, vk};
-use deltamorph::{DeviceCaps, Error, ErrorKind, MorphEngine};
+use deltamorph::{DeviceCaps, Error, ErrorKind};
 pub use deltamorph_headless::Messages;
 use deltamorph_headless::{self as headless, DeviceChoice, Headless, Instance};
 use std::ffi::CStr;
@@ -94,20 +94,8 @@ impl Device {
         Ok(Self { swapchains: khr::swapchain::Device::new(instance, device), surface, headless })
     }
 
-    pub fn engine(&self) -> &MorphEngine {
-        self.headless.engine()
-    }
-
     pub fn raw(&self) -> &ash::Device {
         self.headless.handles().2
-    }
-
-    pub fn instance(&self) -> &ash::Instance {
-        self.headless.handles().0
-    }
-
-    pub fn physical(&self) -> vk::PhysicalDevice {
-        self.headless.handles().1
     }
 
     /// Waits until the device is idle. A lost device counts as idle.
@@ -161,35 +149,22 @@ fn choose(
     // SAFETY: the instance is alive, and was created for Vulkan 1.1.
     let caps = unsafe { headless::devices(instance) }?;
     let matching = caps.into_iter().enumerate().filter(|(i, (_, c))| choice.is_none_or(|choice| choice.matches(*i, c)));
-    let matching: Vec<_> = matching.map(|(_, able)| able).collect();
-    let names: Vec<String> = matching.iter().map(|(_, caps)| caps.name.clone()).collect();
-    let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-    let family = |physical| {
+    let mut names = vec![];
+    let mut able = vec![];
+    for (_, (physical, caps)) in matching {
+        names.push(caps.name.clone());
         // SAFETY: the device belongs to the instance.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
         for (i, family) in (0u32..).zip(families) {
+            let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
             if family.queue_flags.contains(wanted) && presents(&surface.instance, physical, i, window) {
                 // SAFETY: as above; the driver supports surfaces of this kind.
                 let shows = unsafe { surface.functions.get_physical_device_surface_support(physical, i, surface.raw) };
                 if shows.map_err(failed("vkGetPhysicalDeviceSurfaceSupportKHR"))? {
-                    return Ok(Some(i));
+                    able.push((physical, i, caps));
+                    break;
                 }
             }
-        }
-        Ok::<_, Failure>(None)
-    };
-    let has_swapchains = |physical| {
-        // SAFETY: as above.
-        let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
-        let extensions = extensions.map_err(failed("vkEnumerateDeviceExtensionProperties"))?;
-        Ok::<_, Failure>(extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(khr::swapchain::NAME)))
-    };
-    let mut able = vec![];
-    for (physical, caps) in matching {
-        if has_swapchains(physical)?
-            && let Some(family) = family(physical)?
-        {
-            able.push((physical, family, caps));
         }
     }
     able.into_iter().min_by_key(|(.., caps)| caps.is_software()).ok_or_else(|| no_window(&names))

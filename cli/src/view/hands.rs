@@ -1,23 +1,20 @@
-//! What keys and mouse do beside the controls: commands, the camera, and a list of it all.
+//! What keys and mouse do beside the controls.
 
 use super::command::Command;
 use super::panel::ZOOM;
 use super::state::State;
-use super::style::{DIM, INK};
-use egui::{Align2, Grid, Key, PointerButton, Popup, Rect, RichText, ScrollArea, Sense, Ui, Vec2, vec2};
+use egui::{Key, PointerButton, Rect, Sense, Ui, Vec2, vec2};
 
-/// What [`help`] lists.
-const KEYS: [(&str, &str); 9] = [
-    ("drag · arrows", "turn"),
-    ("shift or right drag", "move the picture"),
-    ("wheel · + −", "nearer, further"),
-    ("H · double click", "the camera as at the beginning"),
-    ("space", "play, pause"),
-    (", · .", "a frame back, a frame on"),
-    ("double click a slider", "its weight 0"),
-    ("P", "hide and show the panel"),
-    ("? · Esc", "show and close this"),
-];
+/// What keys and mouse do, for people.
+pub const KEYS: &str = "\
+drag, arrows: turn
+shift or right drag: move the picture
+wheel, + and −: nearer, further
+H, double click: the camera as at the beginning
+space: play, pause
+, and .: a frame back, a frame on
+double click a slider: its weight 0
+P: hide and show the panel";
 
 /// Points by which arrows turn the camera.
 const STEP: f32 = 24.0;
@@ -25,16 +22,12 @@ const STEP: f32 = 24.0;
 pub fn keys(ui: &Ui, state: &State, done: &mut Vec<Command>) {
     let context = ui.ctx();
     let pressed = |key| context.input(|input| input.key_pressed(key));
-    if state.help && pressed(Key::Escape) && !Popup::is_any_open(context) {
-        done.push(Command::Help(false));
-    }
     if context.text_edit_focused() || context.input(|input| input.modifiers.command || input.modifiers.alt) {
         return;
     }
     let mut when = |keys: &[Key], command: Command| done.extend(keys.iter().any(|k| pressed(*k)).then_some(command));
     when(&[Key::P], Command::Panel(!state.panel));
     when(&[Key::H], Command::Home);
-    when(&[Key::Questionmark, Key::F1], Command::Help(!state.help));
     when(&[Key::Plus, Key::Equals], zoomed(state, 1.15));
     when(&[Key::Minus], zoomed(state, 1.0 / 1.15));
     if let Some(clip) = &state.clip {
@@ -88,29 +81,5 @@ pub fn camera(ui: &mut Ui, free: Rect, state: &State, done: &mut Vec<Command>) {
     }
     if response.double_clicked() {
         done.push(Command::Home);
-    }
-}
-
-/// What keys and mouse do.
-pub fn help(ui: &Ui, state: &State, done: &mut Vec<Command>) {
-    if !state.help {
-        return;
-    }
-    let room = ui.ctx().content_rect();
-    let mut open = true;
-    let window = egui::Window::new("Keys and mouse").open(&mut open).collapsible(false).resizable(false);
-    window.pivot(Align2::CENTER_CENTER).fixed_pos(room.center()).show(ui.ctx(), |ui| {
-        ScrollArea::vertical().max_height(room.height() - 110.0).show(ui, |ui| {
-            Grid::new("keys").num_columns(2).spacing([24.0, 6.0]).show(ui, |ui| {
-                for (keys, what) in KEYS {
-                    ui.label(RichText::new(keys).color(INK));
-                    ui.label(RichText::new(what).color(DIM));
-                    ui.end_row();
-                }
-            });
-        });
-    });
-    if !open {
-        done.push(Command::Help(false));
     }
 }

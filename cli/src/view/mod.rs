@@ -3,10 +3,7 @@
 
 mod command;
 mod device;
-mod frame;
 mod hands;
-mod heads;
-mod measured;
 mod painter;
 mod panel;
 mod plot;
@@ -45,7 +42,7 @@ pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
 /// The file that a step writes.
 fn written(step: &Step) -> Option<&Path> {
     match step {
-        Step::Screenshot(path) | Step::Stats(path) => Some(path),
+        Step::Screenshot(path) => Some(path),
         Step::Do(_) | Step::Frames(_) | Step::Resize(_) | Step::Quit => None,
     }
 }

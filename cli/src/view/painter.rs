@@ -1,61 +1,74 @@
-//! The panel, drawn over the instances.
+//! Draws the panel over the picture.
 
-use super::device::Device;
-use super::heads::IN_FLIGHT;
+use super::device::{Device, failed};
 use crate::output::Failure;
 use deltamorph::ash::vk;
-use egui::epaint::ImageDelta;
+use deltamorph_render::Target;
 use egui::{ClippedPrimitive, FullOutput, TextureId};
 use egui_ash_renderer::allocator::DefaultAllocator;
 use egui_ash_renderer::{Options, RenderMode, Renderer};
 use std::rc::Rc;
+use std::slice::from_ref;
 use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
 
-/// egui's output for a frame.
-pub struct Picture {
-    pub primitives: Vec<ClippedPrimitive>,
-    /// New or changed textures, in order, and those to free after the frame.
-    pub set: Vec<(TextureId, ImageDelta)>,
-    pub free: Vec<TextureId>,
-    pub pixels_per_point: f32,
-}
-
-impl Picture {
-    /// Tessellates a frame of egui.
-    pub fn new(context: &egui::Context, output: FullOutput) -> Self {
-        let FullOutput { shapes, pixels_per_point, mut textures_delta, .. } = output;
-        let set = textures_delta.set.drain();
-        let set = set.flat_map(|(id, deltas)| deltas.into_iter().map(move |delta| (id, delta))).collect();
-        let free = textures_delta.free.drain().collect();
-        Self { primitives: context.tessellate(shapes, pixels_per_point), set, free, pixels_per_point }
-    }
-}
-
-/// Draws egui's output over images.
+/// Draws egui's output over a target. One frame is drawn at a time.
 pub struct Painter {
     renderer: Option<Renderer<DefaultAllocator>>,
-    pub pass: vk::RenderPass,
+    pass: vk::RenderPass,
+    pool: vk::CommandPool,
+    framebuffer: vk::Framebuffer,
+    extent: vk::Extent2D,
+    /// The next frame.
+    primitives: Vec<ClippedPrimitive>,
+    pixels_per_point: f32,
+    /// Textures that are not needed after it.
+    free: Vec<TextureId>,
     device: Rc<Device>,
 }
 
-fn failed(error: impl std::fmt::Display) -> Failure {
+fn not_drawn(error: impl std::fmt::Display) -> Failure {
     Failure::Failed(format!("the panel cannot be drawn: {error}; look at the driver, or use `deltamorph render`"))
 }
 
 impl Painter {
-    /// A painter for images of this format, which are presented next.
-    pub fn new(device: &Rc<Device>, format: vk::Format) -> Result<Self, Failure> {
-        let drawn = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
+    pub fn new(device: &Rc<Device>) -> Result<Self, Failure> {
+        let mut this = Self {
+            renderer: None,
+            pass: vk::RenderPass::null(),
+            pool: vk::CommandPool::null(),
+            framebuffer: vk::Framebuffer::null(),
+            extent: vk::Extent2D::default(),
+            primitives: vec![],
+            pixels_per_point: 1.0,
+            free: vec![],
+            device: device.clone(),
+        };
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.headless.queue().1);
+        // SAFETY: the device has this queue family; `drop` destroys the pool.
+        let pool = unsafe { device.raw().create_command_pool(&info, None) };
+        this.pool = pool.map_err(failed("vkCreateCommandPool"))?;
+        this.make_pass()?;
+        let options = Options { in_flight_frames: 1, srgb_framebuffer: true, ..Options::default() };
+        let (instance, physical, raw) = device.headless.handles();
+        let mode = RenderMode::RenderPass(this.pass);
+        let made = Renderer::with_default_allocator(instance, physical, raw.clone(), mode, options);
+        this.renderer = Some(made.map_err(not_drawn)?);
+        Ok(this)
+    }
+
+    /// Makes the pass over a picture, which is ready for copies before and after.
+    fn make_pass(&mut self) -> Result<(), Failure> {
+        let copied = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
         let attachments = [vk::AttachmentDescription::default()
-            .format(format)
+            .format(Target::FORMAT)
             .samples(vk::SampleCountFlags::TYPE_1)
             .load_op(vk::AttachmentLoadOp::LOAD)
             .store_op(vk::AttachmentStoreOp::STORE)
-            .initial_layout(drawn)
-            .final_layout(vk::ImageLayout::PRESENT_SRC_KHR)];
-        let colour = [vk::AttachmentReference { attachment: 0, layout: drawn }];
+            .initial_layout(copied)
+            .final_layout(copied)];
+        let layout = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
+        let colour = [vk::AttachmentReference { attachment: 0, layout }];
         let subpasses = [vk::SubpassDescription::default().color_attachments(&colour)];
-        // After earlier drawing, and before copying to a file. Presenting waits for a semaphore.
         let written = vk::SubpassDependency::default()
             .src_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT)
             .src_access_mask(Access::COLOR_ATTACHMENT_WRITE);
@@ -70,52 +83,57 @@ impl Painter {
                 .dst_access_mask(Access::TRANSFER_READ),
         ];
         let info = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(&subpasses);
-        // SAFETY: the device is alive; destroyed by `drop`.
-        let pass = unsafe { device.raw().create_render_pass(&info.dependencies(&dependencies), None) };
-        let pass = pass.map_err(super::device::failed("vkCreateRenderPass"))?;
-        let mut this = Self { renderer: None, pass, device: device.clone() };
-        let options = Options { in_flight_frames: IN_FLIGHT, srgb_framebuffer: true, ..Options::default() };
-        let instance = device.instance();
-        let raw = device.raw().clone();
-        let mode = RenderMode::RenderPass(this.pass);
-        let made = Renderer::with_default_allocator(instance, device.physical(), raw, mode, options);
-        this.renderer = Some(made.map_err(failed)?);
-        Ok(this)
+        // SAFETY: the device is alive; `drop` destroys the pass.
+        let pass = unsafe { self.device.raw().create_render_pass(&info.dependencies(&dependencies), None) };
+        self.pass = pass.map_err(failed("vkCreateRenderPass"))?;
+        Ok(())
     }
 
-    /// Uploads new or changed textures, before the frame is recorded. Waits for the queue if there are any.
-    pub fn set_textures(&mut self, pool: vk::CommandPool, picture: &Picture) -> Result<(), Failure> {
+    /// Draws over `target` from now on.
+    pub fn set_target(&mut self, target: &Target) -> Result<(), Failure> {
+        let [width, height] = target.size();
+        let view = target.image().1;
+        let info = vk::FramebufferCreateInfo::default().render_pass(self.pass).attachments(from_ref(&view));
+        let info = info.width(width).height(height).layers(1);
+        self.extent = vk::Extent2D { width, height };
+        let device = self.device.raw();
+        // SAFETY: the view is alive, and of the pass's format; no frame is being drawn into the old framebuffer.
+        unsafe {
+            device.destroy_framebuffer(std::mem::take(&mut self.framebuffer), None);
+            self.framebuffer = device.create_framebuffer(&info, None).map_err(failed("vkCreateFramebuffer"))?;
+        }
+        Ok(())
+    }
+
+    /// Takes egui's output for the next frame, and uploads its textures. The frame before has been drawn.
+    pub fn take(&mut self, context: &egui::Context, output: FullOutput) -> Result<(), Failure> {
+        let FullOutput { shapes, pixels_per_point, mut textures_delta, .. } = output;
+        (self.primitives, self.pixels_per_point) = (context.tessellate(shapes, pixels_per_point), pixels_per_point);
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
-        let mut set = picture.set.iter();
-        set.try_for_each(|(id, delta)| {
-            renderer.set_texture(self.device.headless.queue().0, pool, *id, delta).map_err(failed)
-        })
+        for id in std::mem::replace(&mut self.free, textures_delta.free.drain().collect()) {
+            renderer.free_texture(id).map_err(not_drawn)?;
+        }
+        let queue = self.device.headless.queue().0;
+        for (id, deltas) in textures_delta.set.drain() {
+            for delta in deltas {
+                renderer.set_texture(queue, self.pool, id, &delta).map_err(not_drawn)?;
+            }
+        }
+        Ok(())
     }
 
-    /// Frees textures that no frame uses any longer.
-    pub fn free_textures(&mut self, ids: &[TextureId]) -> Result<(), Failure> {
-        let Some(renderer) = &mut self.renderer else { return Ok(()) };
-        ids.iter().try_for_each(|id| renderer.free_texture(*id).map_err(failed))
-    }
-
-    /// Records the pass over an image.
+    /// Records the pass.
     ///
     /// # Safety
-    /// `cmd` is recording, outside a render pass; the framebuffer matches this pass and extent.
-    pub unsafe fn record(
-        &mut self,
-        cmd: vk::CommandBuffer,
-        framebuffer: vk::Framebuffer,
-        extent: vk::Extent2D,
-        picture: &Picture,
-    ) -> Result<(), Failure> {
+    /// `cmd` is recording, outside a render pass; the target is alive, and a picture has been drawn into it.
+    pub unsafe fn record(&mut self, cmd: vk::CommandBuffer) -> Result<(), Failure> {
         let device = self.device.raw();
-        let area = vk::Rect2D { extent, ..Default::default() };
-        let begin = vk::RenderPassBeginInfo::default().render_pass(self.pass).framebuffer(framebuffer);
+        let area = vk::Rect2D { extent: self.extent, ..Default::default() };
+        let begin = vk::RenderPassBeginInfo::default().render_pass(self.pass).framebuffer(self.framebuffer);
         // SAFETY: the caller's obligations.
         unsafe { device.cmd_begin_render_pass(cmd, &begin.render_area(area), vk::SubpassContents::INLINE) };
         let drawn = self.renderer.as_mut().map_or(Ok(()), |renderer| {
-            renderer.cmd_draw(cmd, extent, picture.pixels_per_point, &picture.primitives).map_err(failed)
+            renderer.cmd_draw(cmd, self.extent, self.pixels_per_point, &self.primitives).map_err(not_drawn)
         });
         // SAFETY: begun above.
         unsafe { device.cmd_end_render_pass(cmd) };
@@ -126,7 +144,12 @@ impl Painter {
 impl Drop for Painter {
     fn drop(&mut self) {
         self.renderer = None;
-        // SAFETY: ours, destroyed once; the owner waited until nothing uses it.
-        unsafe { self.device.raw().destroy_render_pass(self.pass, None) };
+        let device = self.device.raw();
+        // SAFETY: ours, destroyed once; no frame is being drawn.
+        unsafe {
+            device.destroy_framebuffer(self.framebuffer, None);
+            device.destroy_render_pass(self.pass, None);
+            device.destroy_command_pool(self.pool, None);
+        }
     }
 }

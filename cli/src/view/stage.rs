@@ -1,56 +1,54 @@
-//! The contents of the window: device, instances, panel, and drawing a frame of them.
+//! The contents of the window: device, instance, panel, and drawing a frame of them.
 
 use super::command::Command;
 use super::device::{Device, Messages};
-use super::frame::{Drawn, Frames, Wanted};
-use super::heads::{Full, Heads};
-use super::measured::Measured;
-use super::painter::{Painter, Picture};
-use super::panel::{self, About};
+use super::painter::Painter;
+use super::panel;
+use super::plot::FRAMES;
 use super::state::State;
 use super::style;
-use super::swapchain::{self, Swapchain};
+use super::swapchain::Swapchain;
 use crate::args::render::{Background, Look};
+use crate::args::view::ViewArgs;
 use crate::output::{Failure, Output};
-use crate::render::joints::Joints;
+use crate::render::canvas::Canvas;
 use crate::render::scenery::Subject;
 use crate::runner::prepare;
-use deltamorph::UpdatePath;
-use deltamorph::ash::vk;
+use deltamorph::UpdateStats;
 use deltamorph_headless::DeviceChoice;
-use deltamorph_render::{Camera, Light, Scene};
-use egui::Context;
+use deltamorph_render::{Camera, Heads, HeadsDesc, Light, Scene, Target};
+use egui::{Context, Rect};
 use glam::{Mat4, Vec3};
-use std::path::PathBuf;
+use std::collections::VecDeque;
+use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Instant;
 use winit::dpi::LogicalSize;
 use winit::window::Window;
 
-/// Paths whose poses can be drawn; the panel offers those that the device supports.
-const PATHS: [UpdatePath; 4] = [UpdatePath::Blocks, UpdatePath::Compute, UpdatePath::Feedback, UpdatePath::Cpu];
 /// Share of the free space left empty at each edge.
 const MARGIN: f32 = 0.1;
+/// Share of the glow of a written block that remains after each frame.
+const AFTERGLOW: f32 = 0.88;
 
-/// Everything created on the device, in the order of dropping.
+/// Everything created on the device, in the order of dropping. One frame is drawn at a time.
 pub struct Stage {
     painter: Painter,
-    swapchain: Option<Swapchain>,
+    /// The images of the window, and the one that is drawn into; `None` while the window is minimised.
+    canvas: Option<(Swapchain, Target)>,
     heads: Heads,
-    full: Option<Full>,
-    frames: Frames,
+    /// The largest weight that updates take, either sign.
+    weight_max: f32,
+    /// Device and update, in words.
+    about: String,
     ui: egui_winit::State,
     subject: Subject,
     /// Longest distance that a single target moves a vertex.
     reach: f32,
-    pub measured: Measured,
-    format: vk::SurfaceFormatKHR,
-    /// The part of the window that the panel leaves free: left, top, width, height, as shares of the window.
-    free: [f32; 4],
-    last: Instant,
-    /// Whether a weight is larger than updates take.
-    held: bool,
+    /// Recent updates.
+    rows: VecDeque<UpdateStats>,
+    /// The part of the window that the panel leaves free, in shares of the window.
+    free: Rect,
     device: Rc<Device>,
     pub window: Arc<Window>,
 }
@@ -59,63 +57,53 @@ impl Stage {
     pub fn new(
         window: Arc<Window>,
         state: &State,
+        ViewArgs { run, validation, .. }: &ViewArgs,
         choice: Option<&DeviceChoice>,
-        validation: bool,
         still: bool,
         out: &Output,
     ) -> Result<Self, Failure> {
-        let device = Rc::new(Device::new(&window, choice, validation)?);
-        let format = swapchain::format(&device)?;
-        let frames = Frames::new(&device, format.format)?;
-        let painter = Painter::new(&device, format.format)?;
-        let subject = subject(state)?;
-        let heads = heads(&device, format, state, &subject, out)?;
-        let full = Full::new(&device.headless, &state.input.kept)?;
+        let device = Rc::new(Device::new(&window, choice, *validation)?);
+        let painter = Painter::new(&device)?;
+        let mesh = &state.input.kept;
+        let subject = Subject::new(run.input.input.as_deref(), &state.input)?;
+        let headless = &device.headless;
+        let (packed, desc) = prepare(run, &state.input, Some(headless.engine()), out)?;
+        let threads = run.update.threads.unwrap_or(0);
+        let heads = HeadsDesc { threads, afterglow: AFTERGLOW, ..HeadsDesc::new(desc) };
+        // SAFETY: fields drop in order, the target, then the heads, then the device; each frame is waited for.
+        let mut heads = unsafe { Heads::new(headless, mesh, &packed, &subject.parts, &heads) }?;
+        if let Some(still) = &subject.still {
+            heads.set_still(&still.mesh, &still.parts)?;
+        }
+        // Poses of floats have no grid, and take what the library takes.
+        let weight_max = packed.layout().grid(desc.pose, desc.weight_max).map_or(1e6, |grid| grid.weight_max);
+        let [path, format, pose] = [desc.path.name(), packed.layout().format.name(), desc.pose.name()];
+        let about = format!("{path} {format} {pose} · {}", headless.caps().name);
         let context = Context::default();
         style::apply(&context, still);
+        let (raw, physical, _) = headless.handles();
         // SAFETY: the physical device is the instance's.
-        let limits = unsafe { device.instance().get_physical_device_properties(device.physical()) }.limits;
+        let limits = unsafe { raw.get_physical_device_properties(physical) }.limits;
         let most = Some(limits.max_image_dimension2_d as usize);
         let ui = egui_winit::State::new(context, egui::ViewportId::ROOT, &*window, None, None, most);
-        let mut this = Self {
-            painter,
-            swapchain: None,
-            heads,
-            full,
-            frames,
-            ui,
-            reach: reach(state),
-            subject,
-            measured: Measured::default(),
-            format,
-            free: [0.0, 0.0, 1.0, 1.0],
-            last: Instant::now(),
-            held: false,
-            device,
-            window,
-        };
+        let lengths = mesh.targets.iter().flat_map(|target| &target.positions).map(|delta| delta.length());
+        let reach = lengths.fold(mesh.diagonal * 1e-4, f32::max).max(f32::MIN_POSITIVE);
+        let free = Rect::ZERO;
+        let rows = VecDeque::new();
+        let canvas = None;
+        let mut this =
+            Self { painter, canvas, heads, weight_max, about, ui, subject, reach, rows, free, device, window };
         this.resize()?;
         Ok(this)
     }
 
     pub fn device_name(&self) -> &str {
-        &self.device.engine().caps().name
-    }
-
-    /// Path, format and poses, in words.
-    pub fn setup(&self) -> String {
-        let desc = self.heads.desc;
-        let [path, format, pose] = [desc.path.name(), self.heads.mesh.layout().format.name(), desc.pose.name()];
-        format!("{path} {format} {pose}")
-    }
-
-    pub fn on_device(&self) -> bool {
-        self.heads.desc.path != UpdatePath::Cpu
+        &self.device.headless.caps().name
     }
 
     /// Size of the window; `None` if minimised.
     pub fn size(&self) -> Option<[u32; 2]> {
-        self.swapchain.as_ref().map(|swapchain| [swapchain.extent.width, swapchain.extent.height])
+        self.canvas.as_ref().map(|(swapchain, _)| swapchain.size)
     }
 
     pub fn messages(&self) -> Arc<Messages> {
@@ -134,180 +122,113 @@ impl Stage {
 
     /// Recreates the images at the window's present size.
     pub fn resize(&mut self) -> Result<(), Failure> {
-        self.frames.finish(&mut self.painter)?;
-        self.device.wait_idle();
         let size = self.window.inner_size();
-        let old = self.swapchain.take();
-        self.swapchain = Swapchain::new(
-            &self.device,
-            self.format,
-            &self.heads.drawn,
-            self.painter.pass,
-            [size.width, size.height],
-            old,
-        )?;
+        self.canvas = None;
+        if let Some(swapchain) = Swapchain::new(&self.device, [size.width, size.height])? {
+            // SAFETY: as for the heads.
+            let target = unsafe { self.heads.target(swapchain.size) }?;
+            self.painter.set_target(&target)?;
+            self.canvas = Some((swapchain, target));
+        }
         Ok(())
     }
 
-    /// Recreates the instance as the state requires. After an error the old one stays.
-    pub fn rebuild(&mut self, state: &State, out: &Output) -> Result<(), Failure> {
-        let heads = heads(&self.device, self.format, state, &self.subject, out)?;
-        self.frames.finish(&mut self.painter)?;
-        self.device.wait_idle();
-        // A full evaluation sums masks if the instance has them.
-        if heads.mesh.groups().len() != self.heads.mesh.groups().len() {
-            self.full = Full::new(&self.device.headless, &state.input.kept)?;
-        }
-        // Targets of the swapchain belong to the instance: they are dropped first.
-        self.swapchain = None;
-        self.heads = heads;
-        self.frames.take_samples();
-        self.measured.clear();
-        self.resize()
-    }
-
-    /// Draws a frame; returns the user's commands in the panel, and whether the panel is animated. Takes `screenshot`
-    /// if it is drawn.
+    /// Draws a frame, and writes it to `screenshot`. Returns whether it did, the user's commands in the panel, and
+    /// whether the panel is animated.
     pub fn draw(
         &mut self,
         state: &mut State,
-        screenshot: &mut Option<PathBuf>,
-    ) -> Result<(Vec<Command>, bool), Failure> {
-        if self.swapchain.is_none() {
+        screenshot: Option<&Path>,
+    ) -> Result<(bool, Vec<Command>, bool), Failure> {
+        if self.canvas.is_none() {
             self.resize()?;
         }
-        let Some(extent) = self.swapchain.as_ref().map(|swapchain| swapchain.extent) else {
-            return Ok((vec![], false));
-        };
-        let (panel, done, moves) = self.panel(state);
+        if self.canvas.is_none() {
+            return Ok((false, vec![], false));
+        }
+        let (done, moves) = self.panel(state)?;
         let mut weights = state.weights()?;
         self.hold(state, &mut weights);
-        let scene = self.scene(state, extent);
-        let wanted = Wanted {
-            weights: &weights,
-            joints: state.joints(),
-            still: state.still(self.subject.still.as_ref()),
-            scene: &scene,
-            background: Background(Some(style::BEHIND)).linear(),
-            panel,
-            full: self.full.as_mut().and_then(|full| full.is_due(&weights, state.playing).then_some(full)),
-            screenshot,
+        let drawn = self.picture(&weights, &self.scene(state), screenshot)?;
+        Ok((drawn, done, moves))
+    }
+
+    fn picture(&mut self, weights: &[f32], scene: &Scene, screenshot: Option<&Path>) -> Result<bool, Failure> {
+        let Some((swapchain, target)) = &mut self.canvas else { return Ok(false) };
+        let Some(index) = swapchain.acquire()? else {
+            return self.resize().map(|()| false);
         };
-        let Some(swapchain) = &mut self.swapchain else { return Ok((done, moves)) };
-        let drawn = self.frames.draw(&mut self.heads, swapchain, &mut self.painter, wanted)?;
-        let wall_ms = self.last.elapsed().as_secs_f64() * 1e3;
-        self.last = Instant::now();
-        for sample in self.frames.take_samples() {
-            self.measured.add(sample, wall_ms);
+        let headless = &self.device.headless;
+        let background = Background(Some(style::BEHIND)).linear();
+        let heads = &mut self.heads;
+        // SAFETY: the buffer is recording, runs once, and is waited for before the next frame; each pass leaves the
+        // picture ready for what follows. If the commands do not run, the window closes.
+        let (stats, panel) = headless.run(|cmd| unsafe {
+            let updated = heads.update(headless.engine(), cmd, 0, &[weights])?;
+            heads.record(cmd, 0, target, &[Mat4::IDENTITY], scene, background)?;
+            let panel = self.painter.record(cmd);
+            if screenshot.is_some() {
+                target.copy_pixels(cmd);
+            }
+            swapchain.record(cmd, index, target.image().0);
+            Ok((updated.stats, panel))
+        })?;
+        panel?;
+        self.rows.truncate(FRAMES - 1);
+        self.rows.push_front(stats);
+        if let Some(path) = screenshot {
+            Canvas::from(target.picture()).save(path)?;
         }
-        if matches!(drawn, Drawn::Outgrown) {
+        if !swapchain.present(index)? {
             self.resize()?;
         }
-        Ok((done, moves))
+        Ok(true)
     }
 
-    /// Holds weights at the largest one that updates take; the window says so until they are smaller.
-    fn hold(&mut self, state: &mut State, weights: &mut [f32]) {
-        let most = self.heads.weight_max;
-        let held = weights.iter().any(|weight| weight.abs() > most);
+    /// Holds weights at the largest one that updates take, and says so.
+    fn hold(&self, state: &mut State, weights: &mut [f32]) {
+        let most = self.weight_max;
+        if weights.iter().any(|weight| weight.abs() > most) {
+            state.say(format!("weights beyond {most} are held there, as far as these poses go: see --weight-max"));
+        }
         weights.iter_mut().for_each(|weight| *weight = weight.clamp(-most, most));
-        if held && !self.held {
-            let pose = self.heads.desc.pose.name();
-            state.say(
-                format!("weights beyond {most} are held there, as far as {pose} poses go: see --weight-max"),
-                true,
-            );
-        }
-        if self.held && !held {
-            state.notice = None;
-        }
-        self.held = held;
     }
 
-    /// Waits until all frames have finished, and their files are written.
-    pub fn finish(&mut self) -> Result<(), Failure> {
-        self.frames.finish(&mut self.painter)?;
-        self.frames.take_samples().into_iter().for_each(|sample| self.measured.add(sample, 0.0));
-        Ok(())
-    }
-
-    fn panel(&mut self, state: &State) -> (Picture, Vec<Command>, bool) {
+    fn panel(&mut self, state: &State) -> Result<(Vec<Command>, bool), Failure> {
         let input = self.ui.take_egui_input(&self.window);
-        let caps = self.device.engine().caps();
-        let paths: Vec<UpdatePath> = PATHS.into_iter().filter(|path| caps.check_path(*path).is_ok()).collect();
-        let format = self.heads.mesh.layout().format;
-        let about = About { device: &caps.name, paths: &paths, desc: self.heads.desc, format };
         let context = self.ui.egui_ctx().clone();
         let mut done = vec![];
-        let mut free = egui::Rect::ZERO;
+        let mut free = Rect::ZERO;
         let mut output = context.run_ui(input, |ui| {
-            let (rect, commands) = panel::show(ui, state, &self.measured, &about);
+            let (rect, commands) = panel::show(ui, state, &self.rows, &self.about);
             free = rect;
             done.extend(commands);
         });
-        let whole = context.content_rect();
-        if whole.area() > 0.0 && free.area() > 0.0 {
-            let share = |at: f32, size: f32| at / size;
-            self.free = [
-                share(free.left(), whole.width()),
-                share(free.top(), whole.height()),
-                share(free.width(), whole.width()),
-                share(free.height(), whole.height()),
-            ];
-        }
+        let whole = context.content_rect().size();
+        self.free = Rect::from_min_max((free.min.to_vec2() / whole).to_pos2(), (free.max.to_vec2() / whole).to_pos2());
         self.ui.handle_platform_output(&self.window, std::mem::take(&mut output.platform_output));
         let moves = output.viewport_output.values().any(|view| view.repaint_delay.as_millis() < 100);
-        (Picture::new(&context, output), done, moves)
+        self.painter.take(&context, output)?;
+        Ok((done, moves))
     }
 
-    fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {
-        let [left, top, width, height] = self.free;
+    fn scene(&self, state: &State) -> Scene {
+        let [width, height] = self.size().unwrap_or([1; 2]).map(|pixels| pixels as f32);
         let zoom = state.zoom;
-        let aspect = extent.width as f32 * width / (extent.height as f32 * height).max(1.0);
+        // At least a pixel, in windows of any size.
+        let free = self.free.size().max(egui::Vec2::splat(1e-3));
+        let aspect = (width * free.x / (height * free.y)).max(0.05);
         let camera = Camera { yaw: self.subject.front + state.camera[0], pitch: state.camera[1], ..Camera::default() };
-        let mut view = camera.fit(self.subject.focus.iter().copied(), aspect.max(0.05), MARGIN);
+        let mut view = camera.fit(self.subject.focus.iter().copied(), aspect, MARGIN);
         view.reach(self.subject.whole.iter().copied());
         // Into the part of the window that the panel leaves free.
-        let middle = [(left, width, state.pan[0]), (top, height, state.pan[1])];
-        let [x, y] = middle.map(|(first, size, pan)| 2.0 * first + size * (1.0 + 2.0 * pan * zoom) - 1.0);
+        let [right, down] = state.pan.map(|pan| 1.0 + 2.0 * pan * zoom);
+        let x = 2.0 * self.free.left() + free.x * right - 1.0;
+        let y = 2.0 * self.free.top() + free.y * down - 1.0;
         let to_room = Mat4::from_translation(Vec3::new(x, y, 0.0));
-        view.clip = to_room * Mat4::from_scale(Vec3::new(width * zoom, height * zoom, 1.0)) * view.clip;
+        view.clip = to_room * Mat4::from_scale(Vec3::new(free.x * zoom, free.y * zoom, 1.0)) * view.clip;
         // What moves in a frame is a small part of the way.
         let end = if state.look == Look::Motion { 0.1 * self.reach } else { self.reach };
         Scene { view, light: Light::default(), show: state.look.show(end) }
     }
-}
-
-impl Drop for Stage {
-    fn drop(&mut self) {
-        self.device.wait_idle();
-    }
-}
-
-fn heads(
-    device: &Device,
-    format: vk::SurfaceFormatKHR,
-    state: &State,
-    subject: &Subject,
-    out: &Output,
-) -> Result<Heads, Failure> {
-    let mesh = &state.input.kept;
-    let packed = prepare(&state.run, &state.input, Some(device.engine()), out)?;
-    let threads = state.run.update.threads.unwrap_or(0);
-    let skin = state.skeleton().map(Joints::skin);
-    Heads::new(&device.headless, format.format, (mesh, subject), packed, skin, threads)
-}
-
-fn subject(state: &State) -> Result<Subject, Failure> {
-    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input, state.is_unposed())?;
-    if let Some(joints) = state.skeleton() {
-        subject.reach(joints, &state.input.kept, None, true);
-    }
-    Ok(subject)
-}
-
-fn reach(state: &State) -> f32 {
-    let mesh = &state.input.kept;
-    let furthest = mesh.targets.iter().flat_map(|target| &target.positions).map(|delta| delta.length());
-    furthest.fold(mesh.diagonal * 1e-4, f32::max).max(f32::MIN_POSITIVE)
 }

@@ -1,70 +1,46 @@
-//! The images of the window, and the objects to draw into each.
+//! The images of the window, which pictures are copied to.
 
 use super::device::{Device, Surface, failed};
 use crate::output::Failure;
 use deltamorph::ash::vk;
-use deltamorph_render::{Heads, Target};
 use std::rc::Rc;
 use std::slice::from_ref;
+use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
 
-/// Shaders write linear colours, displayed as sRGB.
-pub const FORMATS: [vk::Format; 2] = [vk::Format::B8G8R8A8_SRGB, vk::Format::R8G8B8A8_SRGB];
+/// Pictures are in sRGB, and copies convert between these two alone.
+const FORMATS: [vk::Format; 2] = [vk::Format::B8G8R8A8_SRGB, vk::Format::R8G8B8A8_SRGB];
 
 /// The images of the window at one size.
 pub struct Swapchain {
     device: Rc<Device>,
     raw: vk::SwapchainKHR,
-    pub extent: vk::Extent2D,
-    pub images: Vec<Shown>,
-    /// Whether pixels can be copied from the images.
-    pub readable: bool,
-}
-
-/// An image of the window.
-pub struct Shown {
-    device: Rc<Device>,
-    pub target: Target,
-    pub image: vk::Image,
-    view: vk::ImageView,
-    /// Framebuffer of the pass that draws the panel over the instances.
-    pub framebuffer: vk::Framebuffer,
-    /// Signalled when the image is drawn. One per image: it is free again when the image is.
-    pub drawn: vk::Semaphore,
-    /// The frame in flight that was last drawn into the image.
-    pub frame: Option<usize>,
-}
-
-/// The format of the window's images.
-pub fn format(device: &Device) -> Result<vk::SurfaceFormatKHR, Failure> {
-    let Surface { raw: surface, functions: surfaces, .. } = &device.surface;
-    // SAFETY: the physical device was chosen for this surface.
-    let formats = unsafe { surfaces.get_physical_device_surface_formats(device.physical(), *surface) };
-    let formats = formats.map_err(failed("vkGetPhysicalDeviceSurfaceFormatsKHR"))?;
-    let find = |wanted| formats.iter().copied().find(|format| format.format == wanted);
-    FORMATS.into_iter().find_map(find).ok_or_else(|| {
-        let name = &device.engine().caps().name;
-        Failure::Failed(format!("{name}: windows have no 8-bit sRGB format here; `deltamorph render` needs no window"))
-    })
+    /// Signalled when an image is acquired.
+    acquired: vk::Fence,
+    images: Vec<vk::Image>,
+    pub size: [u32; 2],
 }
 
 impl Swapchain {
     /// Creates images for a window of this size; `None` if it has no area, as when minimised.
-    pub fn new(
-        device: &Rc<Device>,
-        format: vk::SurfaceFormatKHR,
-        heads: &Heads,
-        overlay: vk::RenderPass,
-        size: [u32; 2],
-        old: Option<Self>,
-    ) -> Result<Option<Self>, Failure> {
+    pub fn new(device: &Rc<Device>, size: [u32; 2]) -> Result<Option<Self>, Failure> {
         let Surface { raw: surface, functions: surfaces, .. } = &device.surface;
+        let physical = device.headless.handles().1;
         // SAFETY: the physical device was chosen for this surface.
-        let can = unsafe { surfaces.get_physical_device_surface_capabilities(device.physical(), *surface) };
+        let can = unsafe { surfaces.get_physical_device_surface_capabilities(physical, *surface) };
         let can = can.map_err(failed("vkGetPhysicalDeviceSurfaceCapabilitiesKHR"))?;
         let Some(extent) = extent(&can, size) else { return Ok(None) };
+        // SAFETY: as above.
+        let formats = unsafe { surfaces.get_physical_device_surface_formats(physical, *surface) };
+        let formats = formats.map_err(failed("vkGetPhysicalDeviceSurfaceFormatsKHR"))?;
+        let find = |wanted| formats.iter().find(|format| format.format == wanted);
+        let format = FORMATS.into_iter().find_map(find);
+        let Some(format) = format.filter(|_| can.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST))
+        else {
+            let name = &device.headless.caps().name;
+            let what = "windows have no 8-bit sRGB images that can be copied to";
+            return Err(Failure::Failed(format!("{name}: {what}; `deltamorph render` needs no window")));
+        };
         let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
-        let readable = can.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_SRC);
-        let copies = if readable { vk::ImageUsageFlags::TRANSFER_SRC } else { vk::ImageUsageFlags::empty() };
         let opaque = [vk::CompositeAlphaFlagsKHR::OPAQUE, vk::CompositeAlphaFlagsKHR::INHERIT];
         let opaque = opaque.into_iter().find(|mode| can.supported_composite_alpha.contains(*mode));
         let info = vk::SwapchainCreateInfoKHR::default()
@@ -74,43 +50,79 @@ impl Swapchain {
             .image_color_space(format.color_space)
             .image_extent(extent)
             .image_array_layers(1)
-            .image_usage(vk::ImageUsageFlags::COLOR_ATTACHMENT | copies)
+            .image_usage(vk::ImageUsageFlags::TRANSFER_DST)
             .pre_transform(can.current_transform)
             .composite_alpha(opaque.unwrap_or(vk::CompositeAlphaFlagsKHR::OPAQUE))
             .present_mode(vk::PresentModeKHR::FIFO)
-            .clipped(true)
-            .old_swapchain(old.as_ref().map_or(vk::SwapchainKHR::null(), |old| old.raw));
-        // SAFETY: the surface supports the parameters; the caller waited until nothing uses the old one, which is
-        // dropped here.
-        let raw = unsafe { device.swapchains.create_swapchain(&info, None) }.map_err(failed("vkCreateSwapchainKHR"))?;
-        drop(old);
-        let mut this = Self { device: device.clone(), raw, extent, images: vec![], readable };
-        // SAFETY: the swapchain is alive.
-        let images = unsafe { device.swapchains.get_swapchain_images(raw) };
-        for image in images.map_err(failed("vkGetSwapchainImagesKHR"))? {
-            this.images.push(Shown::new(device, image, format.format, heads, overlay, extent)?);
-        }
-        Ok(Some(this))
-    }
-
-    /// The next image to draw into; `None` if the window has another size now.
-    pub fn acquire(&self, signal: vk::Semaphore) -> Result<Option<usize>, Failure> {
-        // SAFETY: the semaphore is unsignalled, and nothing waits for it: its frame has finished.
-        let next = unsafe { self.device.swapchains.acquire_next_image(self.raw, u64::MAX, signal, vk::Fence::null()) };
-        match next {
-            Ok((index, _)) => Ok(Some(index as usize)),
-            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),
-            Err(other) => Err(failed("vkAcquireNextImageKHR")(other)),
+            .clipped(true);
+        // SAFETY: the surface supports the parameters, and has no other swapchain; `drop` destroys everything.
+        unsafe {
+            let raw = device.swapchains.create_swapchain(&info, None).map_err(failed("vkCreateSwapchainKHR"))?;
+            let size = [extent.width, extent.height];
+            let acquired = vk::Fence::null();
+            let mut this = Self { device: device.clone(), raw, acquired, images: vec![], size };
+            let fence = device.raw().create_fence(&vk::FenceCreateInfo::default(), None);
+            this.acquired = fence.map_err(failed("vkCreateFence"))?;
+            let images = device.swapchains.get_swapchain_images(raw);
+            this.images = images.map_err(failed("vkGetSwapchainImagesKHR"))?;
+            Ok(Some(this))
         }
     }
 
-    /// Presents an image that is being drawn; returns whether the window still has this size.
-    pub fn present(&self, index: usize) -> Result<bool, Failure> {
-        let at = index as u32;
-        let waited = self.images[index].drawn;
-        let info = vk::PresentInfoKHR::default().wait_semaphores(from_ref(&waited));
-        let info = info.swapchains(from_ref(&self.raw)).image_indices(from_ref(&at));
-        // SAFETY: the image was acquired, and the work that signals the semaphore was submitted.
+    /// Waits for the next image to copy to, and returns its number; `None` if the window has another size now.
+    pub fn acquire(&self) -> Result<Option<u32>, Failure> {
+        let raw = self.device.raw();
+        // SAFETY: the fence is unsignalled, and nothing else signals it.
+        unsafe {
+            let none = vk::Semaphore::null();
+            match self.device.swapchains.acquire_next_image(self.raw, u64::MAX, none, self.acquired) {
+                Ok((index, _)) => {
+                    raw.wait_for_fences(&[self.acquired], true, u64::MAX).map_err(failed("vkWaitForFences"))?;
+                    raw.reset_fences(&[self.acquired]).map_err(failed("vkResetFences"))?;
+                    Ok(Some(index))
+                }
+                Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),
+                Err(other) => Err(failed("vkAcquireNextImageKHR")(other)),
+            }
+        }
+    }
+
+    /// Records a copy of a picture to an image, which can be presented then.
+    ///
+    /// # Safety
+    /// `cmd` is recording, outside a render pass; the image was acquired; the picture is of its size and ready for
+    /// copies.
+    pub unsafe fn record(&self, cmd: vk::CommandBuffer, index: u32, picture: vk::Image) {
+        let image = self.images[index as usize];
+        let range = vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR);
+        let change = |from, to| {
+            let change = vk::ImageMemoryBarrier::default().image(image).old_layout(from).new_layout(to);
+            let change = change.src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::TRANSFER_WRITE);
+            let change = change.subresource_range(range.level_count(1).layer_count(1));
+            change.src_queue_family_index(vk::QUEUE_FAMILY_IGNORED).dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        };
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let corner = vk::Offset3D { x: self.size[0] as i32, y: self.size[1] as i32, z: 1 };
+        let whole = [vk::Offset3D::default(), corner];
+        let blit = vk::ImageBlit::default().src_subresource(layers).dst_subresource(layers);
+        let blit = [blit.src_offsets(whole).dst_offsets(whole)];
+        let [from, to, shown] = [Layout::TRANSFER_SRC_OPTIMAL, Layout::TRANSFER_DST_OPTIMAL, Layout::PRESENT_SRC_KHR];
+        let begin = [change(Layout::UNDEFINED, to)];
+        let end = [change(to, shown)];
+        let none = vk::DependencyFlags::empty();
+        let raw = self.device.raw();
+        // SAFETY: the caller's obligations. Both formats can be copied between on any device.
+        unsafe {
+            raw.cmd_pipeline_barrier(cmd, Stage::TRANSFER, Stage::TRANSFER, none, &[], &[], &begin);
+            raw.cmd_blit_image(cmd, picture, from, image, to, &blit, vk::Filter::NEAREST);
+            raw.cmd_pipeline_barrier(cmd, Stage::TRANSFER, Stage::TRANSFER, none, &[], &[], &end);
+        }
+    }
+
+    /// Presents an image that has been copied to; returns whether the window still has this size.
+    pub fn present(&self, index: u32) -> Result<bool, Failure> {
+        let info = vk::PresentInfoKHR::default().swapchains(from_ref(&self.raw)).image_indices(from_ref(&index));
+        // SAFETY: the image was acquired; the copy was waited for, so there is no semaphore.
         match unsafe { self.device.swapchains.queue_present(self.device.headless.queue().0, &info) } {
             Ok(outgrown) => Ok(!outgrown),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(false),
@@ -135,50 +147,11 @@ fn extent(can: &vk::SurfaceCapabilitiesKHR, [width, height]: [u32; 2]) -> Option
 
 impl Drop for Swapchain {
     fn drop(&mut self) {
-        self.images.clear();
-        // SAFETY: ours, destroyed once; the owner waited until nothing uses it.
-        unsafe { self.device.swapchains.destroy_swapchain(self.raw, None) };
-    }
-}
-
-impl Shown {
-    fn new(
-        device: &Rc<Device>,
-        image: vk::Image,
-        format: vk::Format,
-        heads: &Heads,
-        overlay: vk::RenderPass,
-        extent: vk::Extent2D,
-    ) -> Result<Self, Failure> {
-        let range = vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR);
-        let info = vk::ImageViewCreateInfo::default().image(image).format(format).view_type(vk::ImageViewType::TYPE_2D);
-        let info = info.subresource_range(range.level_count(1).layer_count(1));
-        // SAFETY: the image belongs to the swapchain, and the pass has its format; `drop` destroys what is created.
+        self.device.wait_idle();
+        // SAFETY: ours, destroyed once; nothing uses them after the wait.
         unsafe {
-            let raw = device.raw();
-            let view = raw.create_image_view(&info, None).map_err(failed("vkCreateImageView"))?;
-            let target = heads.target(view, extent).inspect_err(|_| raw.destroy_image_view(view, None))?;
-            let framebuffer = vk::Framebuffer::null();
-            let drawn = vk::Semaphore::null();
-            let mut this = Self { device: device.clone(), target, image, view, framebuffer, drawn, frame: None };
-            let info = vk::FramebufferCreateInfo::default().render_pass(overlay).attachments(from_ref(&view));
-            let info = info.width(extent.width).height(extent.height).layers(1);
-            this.framebuffer = raw.create_framebuffer(&info, None).map_err(failed("vkCreateFramebuffer"))?;
-            let drawn = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
-            this.drawn = drawn.map_err(failed("vkCreateSemaphore"))?;
-            Ok(this)
-        }
-    }
-}
-
-impl Drop for Shown {
-    fn drop(&mut self) {
-        let device = self.device.raw();
-        // SAFETY: ours, destroyed once, not in use: see `Swapchain`.
-        unsafe {
-            device.destroy_framebuffer(self.framebuffer, None);
-            device.destroy_image_view(self.view, None);
-            device.destroy_semaphore(self.drawn, None);
+            self.device.swapchains.destroy_swapchain(self.raw, None);
+            self.device.raw().destroy_fence(self.acquired, None);
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use super::command::{Command, Step};
 use super::stage::Stage;
-use super::state::{Effect, State};
+use super::state::State;
 use crate::args::view::ViewArgs;
-use crate::output::{Failure, Output, write_file};
+use crate::output::{Failure, Output};
 use deltamorph_headless::DeviceChoice;
 use std::collections::VecDeque;
 use std::fmt::Display;
@@ -47,7 +47,6 @@ pub struct App<'a> {
 
 /// The rest of a script.
 struct Script {
-    name: String,
     steps: VecDeque<(usize, Step)>,
     /// Line of the current step.
     line: usize,
@@ -65,9 +64,7 @@ impl<'a> App<'a> {
         steps: Option<Vec<(usize, Step)>>,
     ) -> Result<Self, Failure> {
         let state = State::new(args, out)?;
-        let name = args.script.as_ref().map_or_else(String::new, |path| path.display().to_string());
-        let script =
-            |steps: Vec<_>| Script { name, steps: steps.into(), line: 0, frames: 0, screenshot: None, size: None };
+        let script = |steps: Vec<_>| Script { steps: steps.into(), line: 0, frames: 0, screenshot: None, size: None };
         let script = steps.map(script);
         let next = Instant::now();
         Ok(Self { args, choice, out, state, script, stage: None, failure: None, next, awake: AWAKE })
@@ -77,9 +74,6 @@ impl<'a> App<'a> {
     pub fn run(mut self) -> Result<(), Failure> {
         let events = EventLoop::new().map_err(no_window)?;
         events.run_app(&mut self).map_err(no_window)?;
-        if let (None, Some(stage)) = (&self.failure, &mut self.stage) {
-            self.failure = stage.finish().err();
-        }
         let messages = self.stage.as_ref().map(Stage::messages);
         // Validation layers report objects that outlive the device.
         self.stage = None;
@@ -102,25 +96,19 @@ impl<'a> App<'a> {
         let window = events.create_window(attributes).map_err(no_window)?;
         let window = Arc::new(window);
         let still = self.script.is_some();
-        let stage = Stage::new(window, &self.state, self.choice, self.args.validation, still, self.out)?;
-        if stage.on_device() && stage.device_name().contains("llvmpipe") {
+        let stage = Stage::new(window, &self.state, self.args, self.choice, still, self.out)?;
+        if stage.device_name().contains("llvmpipe") {
             self.out.note(format_args!("{} is a software driver: frames take long", stage.device_name()));
         }
         self.stage = Some(stage);
         Ok(())
     }
 
-    /// Applies a command of the user or a script.
-    fn apply(&mut self, command: Command) -> Result<(), Failure> {
-        let before = self.state.run.clone();
-        let look = self.state.look;
-        let effect = self.state.apply(command)?;
-        let Some(stage) = self.stage.as_mut().filter(|_| effect == Effect::Heads) else { return Ok(()) };
-        stage.rebuild(&self.state, self.out).inspect_err(|_| {
-            self.state.run = before;
-            // Restores the mesh that the instance has.
-            let _ = self.state.show(look);
-        })
+    /// Applies a command of the user. Errors are shown in the window.
+    fn apply(&mut self, command: Command) {
+        if let Err(failure) = self.state.apply(command) {
+            self.state.say(failure.to_string());
+        }
     }
 
     /// Executes steps of the script until one needs a frame; returns whether anything is left to do.
@@ -154,15 +142,7 @@ impl<'a> App<'a> {
                     script.size = Some(([width, height], Instant::now()));
                     let _ = stage.window.request_inner_size(LogicalSize::new(width, height));
                 }
-                Step::Stats(path) => {
-                    stage.finish()?;
-                    let mut summary = stage.measured.summary(stage.on_device());
-                    (summary.device, summary.setup) = (stage.device_name().to_owned(), stage.setup());
-                    [summary.width, summary.height] = stage.size().unwrap_or_default();
-                    let text = serde_json::to_string_pretty(&summary).map_err(Failure::failed)?;
-                    write_file(&path, format!("{text}\n"))?;
-                }
-                Step::Do(command) => self.apply(command)?,
+                Step::Do(command) => self.state.apply(command)?,
             }
         }
     }
@@ -175,24 +155,17 @@ impl<'a> App<'a> {
         if let Some(script) = &mut self.script {
             script.frames = script.frames.saturating_sub(1);
         }
-        let screenshot = match &mut self.script {
-            Some(script) if script.frames == 0 => &mut script.screenshot,
-            _ => &mut None,
-        };
-        let (done, moves) = stage.draw(&mut self.state, screenshot)?;
+        let last = self.script.as_mut().filter(|script| script.frames == 0);
+        let screenshot = last.and_then(|script| script.screenshot.take());
+        let (drawn, done, moves) = stage.draw(&mut self.state, screenshot.as_deref())?;
         // If the window was just resized, nothing was drawn: the next frame is saved.
-        if let Some(script) = self.script.as_mut().filter(|script| script.frames == 0 && script.screenshot.is_some()) {
-            script.frames = 1;
+        if let Some(script) = self.script.as_mut().filter(|_| !drawn && screenshot.is_some()) {
+            (script.frames, script.screenshot) = (1, screenshot);
         }
         self.state.advance(FRAME.as_secs_f64());
         let still = done.is_empty() && !self.state.playing && !moves && self.state.notice.is_none();
         self.awake = if still { self.awake.saturating_sub(1) } else { AWAKE };
-        for command in done {
-            // Errors of user commands are shown in the window.
-            if let Err(failure) = self.apply(command) {
-                self.state.say(failure.to_string(), true);
-            }
-        }
+        done.into_iter().for_each(|command| self.apply(command));
         Ok(true)
     }
 
@@ -202,8 +175,9 @@ impl<'a> App<'a> {
             Ok(true) => {}
             Ok(false) => events.exit(),
             Err(failure) => {
-                let place = self.script.as_ref().filter(|script| script.line > 0);
-                let place = place.map_or_else(String::new, |script| format!("{}, line {}: ", script.name, script.line));
+                let line = self.script.as_ref().map(|script| script.line).filter(|line| *line > 0);
+                let place = line.zip(self.args.script.as_ref());
+                let place = place.map_or_else(String::new, |(line, file)| format!("{}, line {line}: ", file.display()));
                 self.failure.get_or_insert(match failure {
                     Failure::Usage(text) => Failure::Usage(format!("{place}{text}")),
                     Failure::Failed(text) => Failure::Failed(format!("{place}{text}")),
@@ -236,9 +210,7 @@ impl ApplicationHandler for App<'_> {
             }
             WindowEvent::DroppedFile(path) => {
                 self.awake = AWAKE;
-                if let Err(failure) = self.apply(Command::Clip(path)) {
-                    self.state.say(failure.to_string(), true);
-                }
+                self.apply(Command::Clip(path));
             }
             WindowEvent::RedrawRequested if !events.exiting() => {
                 let drawn = self.frame();

@@ -79,54 +79,30 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
     }
 }
 
-/// Joints move with the face: taken from the frame of the clip, and at rest without one.
+/// Of the clip's three frames, the first two differ only in joints, which pictures have at rest.
 #[test]
-fn a_character_is_drawn_as_its_joints_stand() {
+fn a_character_is_drawn_with_joints_at_rest() {
     let dir = tempfile::tempdir().unwrap();
     let arm = gltf_arm(dir.path());
     let out = dir.path().join("out.png");
-    let file = out.to_str().unwrap();
     let drawn = |args: &[&str]| {
-        let args = [&["render", &arm, "-o", file, "--size", "128x96", "--camera", "0,0"], args].concat();
-        let done = deltamorph(&args);
-        let said = String::from_utf8(done.stderr).unwrap();
-        assert!(done.status.success(), "{args:?}: {said}");
-        (std::fs::read(&out).unwrap(), said)
+        let file = out.to_str().unwrap();
+        ok(&[&["render", &arm, "-o", file, "--size", "128x96", "--camera", "0,0"], args].concat());
+        std::fs::read(&out).unwrap()
     };
-    let at = |frame: &str, more: &[&str]| drawn(&[&["--weights", "wave", "--frame", frame], more].concat());
-    let [first, second, third] = ["0", "1", "2"].map(|frame| at(frame, &[]).0);
-    assert!(first != second && second != third, "joints alone tell the first two apart");
-    // Joints are at rest at its first frame; and with the same weight and no clip.
-    assert!(drawn(&["--set", "up=0.25"]).0 == first);
-    assert!(drawn(&["--set", "up=0.25", "--weights", &arm, "--frame", "1"]).0 == second);
-    let nod = ["0", "1"].map(|frame| drawn(&["--weights", "nod", "--frame", frame]));
-    assert!(nod[0].0 != nod[1].0 && nod[0].1.contains("clip 'nod': joints alone move: weights stay at rest"));
-    assert!(at("1", &["--pose", "fixed16"]).0 != first);
-    // The path `cpu` reports that it ignores joints.
-    let [(on_cpu, said), (second_on_cpu, _)] = ["0", "1"].map(|frame| at(frame, &["--path", "cpu"]));
-    assert!(on_cpu == second_on_cpu && said.contains("the path 'cpu' skins nothing"), "{said}");
-    for of_targets in [["--heat", "distance"], ["--normals", "recomputed"]] {
-        assert!(at("0", &of_targets).0 == at("1", &of_targets).0, "{of_targets:?} is of the targets alone");
-    }
-    // At rest, joints have the mesh where the path `cpu` has it, which is posed as it is read.
+    let [first, second, third] = ["0", "1", "2"].map(|frame| drawn(&["--weights", "wave", "--frame", frame]));
+    assert!(first == second && second != third);
+    assert!(drawn(&["--set", "up=0.25"]) == first);
+    let nod = deltamorph(&["render", &arm, "--weights", "nod", "--frame", "1", "-o", out.to_str().unwrap()]);
+    let said = String::from_utf8(nod.stderr).unwrap();
+    assert!(nod.status.success() && said.contains("clip 'nod': joints alone move: weights stay at rest"), "{said}");
     let mut bent: Value = serde_json::from_slice(&std::fs::read(&arm).unwrap()).unwrap();
     bent["nodes"][2]["rotation"] = json!([0.0, 0.0, 0.6, 0.8]);
     std::fs::write(&arm, bent.to_string()).unwrap();
-    let [moved, posed] = ["blocks", "cpu"].map(|path| {
-        assert!(drawn(&["--set", "up=0.5", "--path", path]).0 != first);
-        pixels(&out).1
-    });
-    let differing = moved.iter().zip(&posed).filter(|(a, b)| a.abs_diff(**b) > 8).count();
-    assert!(differing * 1000 < moved.len(), "{differing} of {}", moved.len());
-    let (clip, crowd) = (dir.path().join("clip"), dir.path().join("crowd.png"));
-    ok(&["render", &arm, "--clip", clip.to_str().unwrap(), "--size", "128x96"]);
-    let [first, second] = ["frame_00000.png", "frame_00001.png"].map(|name| std::fs::read(clip.join(name)).unwrap());
-    assert!(first != second);
-    ok(&["render", &arm, "--crowd", "3", "--size", "128x96", "-o", crowd.to_str().unwrap()]);
+    assert!(drawn(&["--set", "up=0.25"]) != first, "the joint is bent at rest");
 }
 
-/// A part that no target moves is drawn in the colour of its material, where the node that its joint moves has it; and
-/// all of it is in the picture of the whole.
+/// A part that no target moves is drawn in the colour of its material, where its joint is at rest.
 #[test]
 fn still_parts_are_drawn_in_their_colours() {
     let dir = tempfile::tempdir().unwrap();
@@ -149,11 +125,11 @@ fn still_parts_are_drawn_in_their_colours() {
         let middle = |axis: usize| places.iter().map(|at| at[axis]).sum::<usize>() / places.len().max(1);
         (places.len(), [middle(0), middle(1)])
     };
-    let [lying, standing] = ["0", "1"].map(|frame| drawn(&["--weights", "wave", "--frame", frame]));
-    assert!(lying.0 > 100 && standing.0 > 100 && lying.1 != standing.1, "{lying:?} {standing:?}");
-    let (posed, moved) = (drawn(&["--path", "cpu"]), drawn(&[]));
-    let off = [0, 1].map(|axis| posed.1[axis].abs_diff(moved.1[axis]));
-    assert!(posed.0.abs_diff(moved.0) < 20 && off.iter().all(|off| *off <= 1), "{posed:?} {moved:?}");
+    let [before, after] = ["0", "1"].map(|frame| drawn(&["--weights", "wave", "--frame", frame]));
+    assert!(before.0 > 100 && before == after, "{before:?} {after:?}");
+    file["nodes"][2]["translation"] = json!([1, 0, 0]);
+    std::fs::write(&arm, file.to_string()).unwrap();
+    assert_ne!(drawn(&[]).1, before.1, "the flag goes with its joint");
 }
 
 /// An avatar of VRM 0 looks along -z: poses have its coordinates, and pictures are taken from where it looks.

@@ -33,11 +33,8 @@ const CONTROLS: &[(&str, Use, &str)] = &[
     ("Clip", Choose("second"), "Clip("),
     ("Play", Press, "Play"),
     ("Frame", Slide, "Scrub("),
-    ("Path", Choose("cpu"), "Path(Cpu)"),
-    ("Deltas", Choose("small"), "Format("),
-    ("Poses", Choose("fixed32"), "Pose(Fixed32)"),
     ("heat", Press, "Show(Heat)"),
-    ("wrinkles", Press, "Show(Wrinkles)"),
+    ("blocks", Press, "Show(Blocks)"),
     ("Reset", Press, "Reset"),
     ("browInnerUp", Slide, "Set(\"browInnerUp\""),
     ("tongueOut", Slide, "Set(\"tongueOut\""),
@@ -47,7 +44,6 @@ const CONTROLS: &[(&str, Use, &str)] = &[
 struct Hands {
     context: Context,
     state: State,
-    measured: Measured,
     size: [f32; 2],
     scale: f32,
     time: f64,
@@ -67,11 +63,10 @@ impl Hands {
         super::super::style::apply(&context, true);
         context.enable_accesskit();
         let size = [width, height];
-        let measured = Measured::default();
         let nodes = vec![];
         let done = vec![];
         let focus = NodeId(0);
-        let mut this = Self { context, state, measured, size, scale, time: 0.0, nodes, focus, free: Rect::ZERO, done };
+        let mut this = Self { context, state, size, scale, time: 0.0, nodes, focus, free: Rect::ZERO, done };
         (0..3).for_each(|_| this.frame(vec![], Modifiers::NONE));
         this
     }
@@ -85,23 +80,18 @@ impl Hands {
         for viewport in input.viewports.values_mut() {
             viewport.native_pixels_per_point = Some(self.scale);
         }
-        let paths = [UpdatePath::Blocks, UpdatePath::Cpu];
-        let desc = UpdateDesc::blocks();
-        let format = DeltaFormat::Fast;
-        let about = About { device: "none", paths: &paths, desc, format };
         let state = &self.state;
-        let measured = &self.measured;
+        let rows = VecDeque::from([UpdateStats::default(); 3]);
         let mut shown = None;
-        let mut output = self.context.run_ui(input, |ui| shown = Some(super::show(ui, state, measured, &about)));
+        let mut output = self.context.run_ui(input, |ui| shown = Some(super::show(ui, state, &rows, "no device")));
         let tree = output.platform_output.accesskit_update.take().expect("nodes");
         output.drop_without_applying_deltas();
         (self.nodes, self.focus) = (tree.nodes, tree.focus);
         let (free, done) = shown.expect("a panel");
         self.free = free;
         for command in done {
-            let changes_the_device = matches!(command, Command::Path(_) | Command::Show(_) | Command::Panel(_));
-            if !changes_the_device {
-                let _ = self.state.apply(command.clone());
+            if !matches!(command, Command::Panel(_)) {
+                self.state.apply(command.clone()).expect("a command");
             }
             self.done.push(command);
         }
@@ -153,11 +143,7 @@ impl Hands {
 
     /// Where the part of the window is that the panel has.
     fn panel(&self) -> Rect {
-        let [width, height] = self.size;
-        match self.free.left() > 0.0 {
-            true => Rect::from_min_max(Pos2::ZERO, pos2(self.free.left(), height)),
-            false => Rect::from_min_max(pos2(0.0, self.free.bottom()), pos2(width, height)),
-        }
+        Rect::from_min_max(Pos2::ZERO, pos2(self.free.left(), self.size[1]))
     }
 
     /// Scrolls to a control, and says where it is.
@@ -281,10 +267,6 @@ fn keys_do_what_the_list_says() {
         (Modifiers::NONE, Key::Minus, "Zoom("),
         (Modifiers::NONE, Key::H, "Home"),
         (Modifiers::NONE, Key::P, "Panel(false)"),
-        (Modifiers::NONE, Key::Questionmark, "Help(true)"),
-        (Modifiers::NONE, Key::Escape, "Help(false)"),
-        (Modifiers::NONE, Key::F1, "Help(true)"),
-        (Modifiers::NONE, Key::F1, "Help(false)"),
     ] {
         hands.done.clear();
         hands.key_with(modifiers, key);
@@ -292,7 +274,8 @@ fn keys_do_what_the_list_says() {
         assert!(done.len() == 1 && done[0].starts_with(says), "{key:?}: {done:?}, not {says}");
     }
     // Escape closes an open list, and nothing else.
-    hands.tab_to("Path");
+    hands.state.clips = clips;
+    hands.tab_to("Clip");
     hands.key(Key::Space);
     assert!(Popup::is_any_open(&hands.context));
     hands.done.clear();
@@ -324,14 +307,12 @@ fn the_mouse_turns_moves_and_zooms() {
 }
 
 #[test]
-fn notices_leave_by_themselves_and_errors_later() {
+fn notices_leave_by_themselves() {
     let mut hands = Hands::new([640.0, 400.0], 1.0, "4");
-    for (is_error, seconds) in [(false, 5), (true, 20)] {
-        hands.state.say("words".into(), is_error);
-        (1..seconds).for_each(|_| hands.state.advance(1.0));
-        assert!(hands.state.notice.is_some());
-        hands.frame(vec![], Modifiers::NONE);
-        hands.state.advance(1.0);
-        assert!(hands.state.notice.is_none());
-    }
+    hands.state.say("words".into());
+    (1..10).for_each(|_| hands.state.advance(1.0));
+    assert!(hands.state.notice.is_some());
+    hands.frame(vec![], Modifiers::NONE);
+    hands.state.advance(1.0);
+    assert!(hands.state.notice.is_none());
 }

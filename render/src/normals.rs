@@ -1,0 +1,58 @@
+//! Normals of the morphed surface, in place of sums of the targets' normal deltas.
+
+use crate::memory::{Buffer, Gpu};
+use crate::scene::{Head, Scale};
+use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget};
+use deltamorph::ash::vk::BufferUsageFlags as Usage;
+use deltamorph::{Crowd, PackedMesh, Result};
+use deltamorph_headless::Headless;
+use std::sync::Arc;
+
+/// Bytes of a vertex: position and normal in float32.
+const VERTEX: usize = 24;
+
+/// The vertices that are drawn in place of the poses.
+pub(crate) struct Normals {
+    output: Buffer,
+    /// Bytes per head.
+    size: usize,
+}
+
+impl Normals {
+    /// Has all updates of `crowd` write normals of the surface that `desc` describes.
+    pub(crate) fn new(
+        headless: &Headless,
+        gpu: &Arc<Gpu>,
+        packed: &PackedMesh,
+        crowd: &mut Crowd,
+        desc: &NormalsDesc<'_>,
+    ) -> Result<Self> {
+        let engine = headless.engine();
+        let heads = crowd.desc().instances as usize;
+        let size = VERTEX * packed.layout().vertex_count;
+        let output = Buffer::new(gpu, heads * size.max(4), Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER, false)?;
+        // SAFETY: the buffer is recording, runs once, and is waited for.
+        let mut surface = headless.run(|cmd| unsafe { engine.upload_normals(cmd, packed, desc) })?;
+        // SAFETY: the upload has run.
+        unsafe { surface.release_staging() };
+        let stride = VERTEX as u32;
+        for head in 0..heads {
+            let offset = (head * size) as u64;
+            let positions = DecodeTarget::new(output.raw).offset(offset).stride(stride);
+            let normals = NormalsTarget::new(output.raw).offset(offset + 12).stride(stride);
+            // SAFETY: no update is running; the buffer is large enough, and lives as long as the crowd.
+            unsafe {
+                engine.set_decode_target(crowd, head as u32, Some(&positions))?;
+                engine.set_normals_target(crowd, head as u32, Some((&surface, &normals)))?;
+            }
+        }
+        Ok(Self { output, size })
+    }
+
+    /// Returns the head with these vertices in place of its pose.
+    pub(crate) fn head(&self, number: usize, head: Head) -> Head {
+        let buffer = self.output.raw;
+        let offset = (number * self.size) as u64;
+        Head { buffer, offset, scale: Scale::ONE, previous: (buffer, offset), ..head }
+    }
+}
