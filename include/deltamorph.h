@@ -57,17 +57,11 @@
 /// Dense, six integers of 16 bits.
 #define DM_DELTAS_SNORM16 2
 
-/// In blocks, six float32.
-#define DM_DELTAS_BLOCK_FLOAT32 3
-
 /// In blocks, 9 bytes a vertex: the default.
 #define DM_DELTAS_FAST 4
 
 /// In blocks, as few bits as the error allows.
 #define DM_DELTAS_SMALL 5
-
-/// In blocks, 8 bytes a vertex.
-#define DM_DELTAS_PAIR 6
 
 /// Six float32.
 #define DM_POSE_FLOAT32 1
