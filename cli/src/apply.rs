@@ -17,13 +17,12 @@ use std::io::Write;
 use std::path::Path;
 
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    let ApplyArgs { run, weights, output, .. } = args;
-    run.update.check_single("apply").map_err(Failure::Usage)?;
-    if weights.is_none() && args.set.is_empty() {
+    let ApplyArgs { run, output, .. } = args;
+    if args.frame.is_none() && (run.weights.is_some() || args.set.is_empty()) {
         let text = "nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT";
         return Err(Failure::Usage(text.into()));
     }
-    out.check(&input::files_of(&run.input, weights.as_slice()), &[output], None)?;
+    input::check("apply", run, &[output], out)?;
     if output.extension().is_some() {
         check_ending(output, "an OBJ file", &["obj"])?;
     }
@@ -45,18 +44,18 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     write(output, &input.kept, run.input.input.as_deref().is_some_and(is_gltf), &pose)?;
     let active = weights.iter().filter(|w| **w != 0.0).count();
     let (file, targets, setup) = (output.display(), weights.len(), stage.describe());
-    let off = checks.errors.text(stage.source);
-    out.say(format_args!("{file}: {active} active of {targets} targets, {passes} passes through {setup}\n{off}"));
+    let found = checks.text();
+    out.say(format_args!("{file}: {active} active of {targets} targets, {passes} passes through {setup}\n{found}"));
     let more = json!({
         "schema": 1, "device": stage.device(), "batch_size": stage.desc.batch.to_string(), "frames": frames.len(),
         "passes": passes, "active": active, "output": output.display().to_string(),
     });
-    out.json(&With { fields: With { fields: stage.setup(), more }, more: json!(checks.errors) })
+    out.json(&With { fields: checks.record(), more })
 }
 
 /// The weights of one or more frames to step through, with `--set` on top of each.
 fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
-    match (&args.weights, args.frame) {
+    match (&args.run.weights, args.frame) {
         (Some(path), Some(last)) => {
             let all = input::clip(path, &args.run.input, input, &args.set)?;
             let first = args.from_frame.unwrap_or(last);

@@ -2,7 +2,6 @@
 
 pub mod bench;
 pub mod lod;
-pub mod poses;
 pub mod render;
 pub mod values;
 #[cfg(feature = "viewer")]
@@ -14,7 +13,6 @@ use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, Upda
 use deltamorph_head::HeadDesc;
 use deltamorph_headless::DeviceChoice;
 use lod::LodArgs;
-use poses::Sums;
 use render::RenderArgs;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -145,11 +143,15 @@ pub struct InfoArgs {
     pub input: InputArgs,
 }
 
-/// What `play`, `soak` and `apply` have in common: they update one head.
+/// What commands that update one head have in common.
 #[derive(Args, Clone, Debug)]
 pub struct RunArgs {
     #[command(flatten)]
     pub input: InputArgs,
+    /// Weight clip: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name [default: that of
+    /// INPUT, where there is just one; soak: all of INPUT; view: the first; apply and pictures of a pose: none]
+    #[arg(long, value_name = "CSV")]
+    pub weights: Option<PathBuf>,
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Targets per pass: a number, "max" (the largest that the path allows) or "all"
@@ -161,10 +163,6 @@ pub struct RunArgs {
 pub struct PlayArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to play: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name [default:
-    /// the one in INPUT/weights or INPUT, where there is just one]
-    #[arg(long, value_name = "CSV")]
-    pub weights: Option<PathBuf>,
     /// Compare every Nth pose with the source, evaluated in float64, and the last one
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
     pub every: usize,
@@ -184,10 +182,6 @@ pub struct SoakArgs {
     /// Number of frames
     #[arg(long, value_name = "N", value_parser = values::whole(1usize, 1_000_000_000))]
     pub frames: usize,
-    /// Weight clip to take captured frames from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's
-    /// by its name [default: all in INPUT/weights or INPUT]
-    #[arg(long, value_name = "CSV")]
-    pub weights: Option<PathBuf>,
     /// Compare every Nth pose with the float64 reference, and the last one [default: a 64th of the frames]
     #[arg(long, value_name = "N", value_parser = values::whole(1usize, 1_000_000_000))]
     pub every: Option<usize>,
@@ -204,10 +198,6 @@ impl SoakArgs {
 pub struct ApplyArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to take the weights from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by
-    /// its name
-    #[arg(long, value_name = "CSV", requires = "frame")]
-    pub weights: Option<PathBuf>,
     /// Frame of the weight clip, counted from 0
     #[arg(long, value_name = "N", requires = "weights")]
     pub frame: Option<usize>,
@@ -308,9 +298,6 @@ pub struct UpdateArgs {
     #[arg(help_heading = POSES, long = "poses", visible_alias = "pose", value_name = "FORMAT,…")]
     #[arg(value_delimiter = ',', value_parser = values::named(&PoseFormat::ALL, PoseFormat::name, PoseFormat::summary))]
     pub poses: Vec<PoseFormat>,
-    /// Kind of sums: float names float32 poses, exact names fixed32 poses (and the integer sums of scatter)
-    #[arg(help_heading = POSES, long, value_name = "SUMS,…", value_delimiter = ',')]
-    pub accumulate: Vec<Sums>,
     /// Bound on errors of float32 poses from rounding, as a fraction of the diagonal, above which a block is evaluated
     /// in full; where that alone may round more, as of hundreds of active targets, the bound is what it leaves
     #[arg(help_heading = POSES, long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
@@ -369,13 +356,12 @@ impl UpdateArgs {
         distinct_or(&self.paths, default)
     }
 
-    /// Checks the options of `command`, which takes one path, mode, format and kind of poses: refuses several.
+    /// Checks the options of `command`, which takes one path, mode, pose format and delta format: refuses several.
     pub fn check_single(&self, command: &str) -> Result<(), String> {
         let given = [
             ("--path", self.paths.len()),
             ("--mode", self.modes.len()),
             ("--pose", self.poses.len()),
-            ("--accumulate", self.accumulate.len()),
             ("--format", self.formats.len()),
         ];
         let several = given.iter().find(|(_, count)| *count > 1);

@@ -1,6 +1,6 @@
 //! Reads INPUT (a folder, a glTF file, a packed file, or the built-in head), and the weight clips of a command.
 
-use crate::args::InputArgs;
+use crate::args::{InputArgs, RunArgs};
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
 use deltamorph::internals::diagonal;
@@ -340,6 +340,12 @@ pub fn spread(clips: &[BoundClip]) -> Vec<Vec<f32>> {
         clips.iter().flat_map(BoundClip::frames).filter(|frame| frame.iter().any(|weight| *weight != 0.0)).collect();
     let count = FRAMES.min(all.len());
     (0..count).map(|i| all[(2 * i + 1) * all.len() / (2 * count)].clone()).collect()
+}
+
+/// Checks the options of `command`, and that what it writes can be written, before it works.
+pub fn check(command: &str, run: &RunArgs, outputs: &[&Path], out: &Output) -> Result<(), Failure> {
+    run.update.check_single(command).map_err(Failure::Usage)?;
+    out.check(&files_of(&run.input, run.weights.as_slice()), outputs, None)
 }
 
 /// The files that `args` and `others` may have read, which must not be overwritten.

@@ -1,40 +1,16 @@
 //! `pack`: writes a mesh as a file that loads without packing again.
 
 use crate::args::PackFileArgs;
-use crate::info::measure::Cost;
-use crate::info::pose_formats::{PoseCost, Sample, pose_costs, pose_table};
+use crate::info::measure::{Cost, Measured};
+use crate::info::pose_formats::{Sample, pose_table};
 use crate::input;
-use crate::output::{Failure, Output, check_ending};
+use crate::output::{Failure, Output, With, check_ending};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::import::{self, packed};
 use deltamorph::{Asset, DeltaFormat, PackDesc, WeightClip};
 use glam::Vec3;
-use serde::Serialize;
+use serde_json::json;
 use std::sync::Arc;
-
-/// The JSON of `pack`. Fields may be added, never renamed.
-#[derive(Serialize)]
-struct Packed {
-    schema: u32,
-    origin: String,
-    output: String,
-    format: &'static str,
-    vertices: usize,
-    targets: usize,
-    block_size: usize,
-    blocks: usize,
-    /// Blocks that any target moves.
-    blocks_moved: usize,
-    /// Pairs of a block and a target that moves some of its vertices.
-    entries: usize,
-    file_bytes: u64,
-    /// Weight clips in the file: those of a glTF file.
-    clips: usize,
-    #[serde(flatten)]
-    cost: Cost,
-    /// Costs and errors of each pose format.
-    pose_formats: Vec<PoseCost>,
-}
 
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     check_ending(&args.output, "a packed mesh", &["dmorph"])?;
@@ -70,48 +46,39 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let mesh = Arc::new(asset.mesh);
     let layout = mesh.layout();
     let Some(index) = &layout.blocks else { return Ok(()) }; // `Asset::pack` takes no other format
-    let facts = Packed {
-        schema: 1,
-        origin: input.origin.clone(),
-        output: args.output.display().to_string(),
-        format: layout.format.name(),
-        vertices: layout.vertex_count,
-        targets: layout.targets.len(),
-        block_size: index.size(),
-        blocks: index.count(),
-        blocks_moved: index.touched(),
-        entries: index.entry_count(),
-        file_bytes,
-        clips: clips.len(),
-        cost: Cost::of(layout, index.error()),
-        pose_formats: pose_costs(&mesh, false, &sample),
-    };
-    out.say(text(&facts, &sample));
-    out.json(&facts)
-}
-
-/// The result in words.
-fn text(p: &Packed, sample: &Sample<'_>) -> String {
-    let Packed { output, targets, format, block_size, cost, .. } = p;
-    let deltas = cost.delta_bytes + cost.index_bytes;
-    let times = match deltas {
+    let measured = Measured::of(&mesh, false, &sample);
+    let (Cost { delta_bytes, index_bytes, dense_f32_bytes, .. }, output) = (measured.cost, args.output.display());
+    let times = match delta_bytes + index_bytes {
         0 => String::new(),
-        deltas => format!(", {} times as much", sig3(cost.dense_f32_bytes as f64 / deltas as f64)),
+        deltas => format!(", {} times as much", sig3(dense_f32_bytes as f64 / deltas as f64)),
     };
-    let [file, deltas, dense] = [p.file_bytes, deltas, cost.dense_f32_bytes].map(|n| bytes(n as f64));
-    let [vertices, entries, moved, blocks] = [p.vertices, p.entries, p.blocks_moved, p.blocks].map(thousands);
-    let [position, normal] = [cost.position_error_rel, cost.normal_error_deg].map(sig3);
-    let clips = match p.clips {
+    let [file, deltas, dense] = [file_bytes, delta_bytes + index_bytes, dense_f32_bytes].map(|n| bytes(n as f64));
+    let [vertices, entries, moved, blocks] =
+        [layout.vertex_count, index.entry_count(), index.touched(), index.count()].map(thousands);
+    let [position, normal] = [measured.cost.position_error_rel, measured.cost.normal_error_deg].map(sig3);
+    let clip_count = match clips.len() {
         0 => String::new(),
         1 => "; a weight clip".to_owned(),
         n => format!("; {n} weight clips"),
     };
-    let poses = pose_table(&p.pose_formats, sample);
-    format!(
-        "{output}: {vertices} vertices, {targets} targets as {format}, {file}{clips}\n\
-         deltas: {deltas} in {entries} entries, {moved} of {blocks} blocks of {block_size} vertices; \
+    out.say(format_args!(
+        "{output}: {vertices} vertices, {} targets as {}, {file}{clip_count}\n\
+         deltas: {deltas} in {entries} entries, {moved} of {blocks} blocks of {} vertices; \
          as dense float32: {dense}{times}\n\
          largest error of a target at weight 1: {position} of the diagonal, normals {normal}°\n\
-         \n{poses}"
-    )
+         \n{}",
+        layout.targets.len(),
+        measured.name,
+        index.size(),
+        pose_table(&measured.pose_formats, &sample)
+    ));
+    // Fields may be added, never renamed. `blocks_moved` are those that any target moves, `entries` pairs of a block and
+    // a target that moves some of its vertices, `clips` those of a glTF file, which the packed file keeps.
+    let more = json!({
+        "schema": 1, "origin": input.origin, "output": output.to_string(), "format": measured.name,
+        "vertices": layout.vertex_count, "targets": layout.targets.len(), "block_size": index.size(),
+        "blocks": index.count(), "blocks_moved": index.touched(), "entries": index.entry_count(),
+        "file_bytes": file_bytes, "clips": clips.len(),
+    });
+    out.json(&With { fields: measured, more })
 }

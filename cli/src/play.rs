@@ -3,29 +3,17 @@
 use crate::args::{PlayArgs, distinct_or};
 use crate::bench::stats::Stats;
 use crate::input;
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, With};
 use crate::runner::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
-use crate::verify::{Checked, Checks, Errors};
+use crate::verify::{Checked, Checks};
 use deltamorph::{BoundClip, PoseFormat, UpdatePath, WeightClip};
 use deltamorph_head::Rng;
 use deltamorph_headless::DeviceChoice;
 use serde::Serialize;
+use serde_json::json;
 
-/// The JSON of `play`. Fields may be added, never renamed.
-#[derive(Debug, Serialize)]
-struct Played {
-    schema: u32,
-    /// The Vulkan device's name, or "none".
-    device: String,
-    /// The source of the mesh: a folder, or "built-in head".
-    input: String,
-    clip: String,
-    frames: Vec<FrameRow>,
-    summary: Summary,
-}
-
-/// Measurements of a frame.
+/// Measurements of a frame, in JSON. Fields may be added, never renamed.
 #[derive(Debug, Serialize)]
 struct FrameRow {
     frame: usize,
@@ -49,47 +37,15 @@ struct FrameRow {
     max_error: Option<f64>,
 }
 
-#[derive(Debug, Serialize)]
-struct Summary {
-    frames: usize,
-    /// Animated and planned on the device.
-    animated: bool,
-    /// Whether weights belong to absolute poses: one that changes may change the factors of all active targets.
-    normalise: bool,
-    /// Amplitude of the noise added to the weights.
-    noise: f32,
-    /// Targets changed, per frame.
-    changed_mean: f64,
-    /// Bytes loaded and stored, per frame.
-    bytes_moved_mean: Option<f64>,
-    /// Bytes that incremental updates of whole float32 poses would move, per frame with a change: each vertex's pose in
-    /// and out, and its delta for each changed target.
-    dense_bytes_mean: f64,
-    /// `bytes_moved_mean` as a share of `dense_bytes_mean`; `None` if nothing changed.
-    bytes_share: Option<f64>,
-    gpu_ms_median: Option<f64>,
-    gpu_ms_mean: Option<f64>,
-    /// Median of the round trips, in microseconds.
-    cpu_us_median: Option<f64>,
-    #[serde(flatten)]
-    checked: Checked,
-    #[serde(flatten)]
-    errors: Errors,
-    /// Largest angle between normals and those of the packed deltas, in degrees.
-    normal_error_deg: f64,
-}
-
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    let PlayArgs { mut run, weights, .. } = args.clone();
-    run.update.check_single("play").map_err(Failure::Usage)?;
+    let mut run = args.run.clone();
+    input::check("play", &run, &[], out)?;
     if args.animated {
         run.update.paths = distinct_or(&run.update.paths, &[UpdatePath::Blocks]);
-        let named = run.update.named_poses().map_err(Failure::Usage)?;
-        run.update.poses = distinct_or(&named, &[PoseFormat::Fixed32]);
+        run.update.poses = distinct_or(&run.update.poses, &[PoseFormat::Fixed32]);
     }
-    out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
     let input = input::load(&run.input, true, out)?;
-    let clip = input::one_clip(weights.as_deref(), &run.input, &input, &[])?;
+    let clip = input::one_clip(run.weights.as_deref(), &run.input, &input, &[])?;
     input.largest.set(input.largest.get() + args.noise.unwrap_or(0.0));
     let stage = Stage::new(&run, &input, device, out)?;
     let source = input.raw.clone();
@@ -98,9 +54,12 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     drop(input);
     let mut checks = Checks::new(&stage, Some(source));
     let frames = play(args, &mut checks, &clip, out)?;
-    let summary = summary(args, &frames, &checks);
-    out.say(text(&clip.name, &frames, &summary, &checks));
-    out.json(&Played { schema: 1, device: stage.device(), input: origin, clip: clip.name, frames, summary })?;
+    let (text, summary) = summary(args, &clip.name, &frames, &checks);
+    out.say(text);
+    // `input` is the source of the mesh: a folder, or "built-in head". Fields may be added, never renamed.
+    out.json(&json!({
+        "schema": 1, "device": stage.device(), "input": origin, "clip": clip.name, "frames": frames, "summary": summary,
+    }))?;
     // After all output is written.
     checks.verdict(out)
 }
@@ -153,61 +112,58 @@ fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output
     Ok(rows)
 }
 
-fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary {
-    let mean = |value: fn(&FrameRow) -> usize| {
-        frames.iter().map(|f| value(f) as f64).sum::<f64>() / frames.len().max(1) as f64
-    };
-    let pose_bytes = checks.stage.mesh.layout().vertex_count * PoseFormat::Float32.stride();
-    let dense = mean(|f| if f.changed > 0 { f.changed + 2 } else { 0 }) * pose_bytes as f64;
-    let moved = (!args.animated).then(|| mean(|f| f.bytes_moved.unwrap_or(0) as usize));
-    let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
-    let cpu = Stats::of(&frames.iter().map(|f| f.cpu_us).collect::<Vec<_>>());
-    Summary {
-        frames: frames.len(),
-        animated: args.animated,
-        normalise: args.run.input.normalise,
-        noise: args.noise.unwrap_or(0.0),
-        changed_mean: mean(|f| f.changed),
-        bytes_moved_mean: moved,
-        dense_bytes_mean: dense,
-        bytes_share: moved.filter(|_| dense > 0.0).map(|moved| moved / dense),
-        gpu_ms_median: gpu.map(|s| s.median),
-        gpu_ms_mean: gpu.map(|s| s.mean),
-        cpu_us_median: cpu.map(|s| s.median),
-        checked: checks.record(),
-        errors: checks.errors,
-        normal_error_deg: checks.found.error.normal_degrees,
-    }
-}
-
-/// The result in words: means and maxima over frames, and the errors.
-fn text(clip: &str, frames: &[FrameRow], s: &Summary, checks: &Checks<'_>) -> String {
+/// The result in words: means and maxima over frames, and the errors; and the summary in JSON.
+fn summary(args: &PlayArgs, clip: &str, frames: &[FrameRow], checks: &Checks<'_>) -> (String, With<Checked>) {
     let mut table = Table::new(&["per frame", "mean", "least", "median", "most"], 1);
-    let mut row = |name: &str, value: &dyn Fn(&FrameRow) -> Option<f64>, show: &dyn Fn(f64) -> String| {
-        if let Some(s) = Stats::of(&frames.iter().filter_map(value).collect::<Vec<_>>()) {
+    let stats =
+        |value: &dyn Fn(&FrameRow) -> Option<f64>| Stats::of(&frames.iter().filter_map(value).collect::<Vec<_>>());
+    let mut row = |name: &str, stats: Option<Stats>, show: fn(f64) -> String| {
+        if let Some(s) = stats {
             table.row([name.to_owned(), show(s.mean), show(s.min), show(s.median), show(s.max)]);
         }
     };
-    row("targets changed", &|f| Some(f.changed as f64), &sig3);
-    row("targets active", &|f| Some(f.active as f64), &sig3);
+    let count = |n: Option<usize>| n.map(|n| n as f64);
+    let changed = stats(&|f| count(Some(f.changed)));
+    row("targets changed", changed, sig3);
+    row("targets active", stats(&|f| count(Some(f.active))), sig3);
     if checks.stage.mesh.layout().format.is_blocks() {
-        row("blocks written", &|f| f.dirty_blocks.map(|n| n as f64), &sig3);
-        row("of these from base", &|f| f.rebuilt_blocks.map(|n| n as f64), &sig3);
+        row("blocks written", stats(&|f| count(f.dirty_blocks)), sig3);
+        row("of these from base", stats(&|f| count(f.rebuilt_blocks)), sig3);
     }
-    row("passes", &|f| f.passes.map(|n| n as f64), &sig3);
-    row("moved", &|f| f.bytes_moved.map(|n| n as f64), &bytes);
-    row("device ms", &|f| f.gpu_ms, &sig3);
-    row("round trip µs", &|f| Some(f.cpu_us), &sig3);
-    let share = s.bytes_share.map_or(String::new(), |share| {
-        format!(": {} of what whole poses in float32 would take ({})", percent(share), bytes(s.dense_bytes_mean))
+    row("passes", stats(&|f| count(f.passes)), sig3);
+    let moved = stats(&|f| f.bytes_moved.map(|n| n as f64));
+    row("moved", moved, bytes);
+    let [gpu, cpu] = [stats(&|f| f.gpu_ms), stats(&|f| Some(f.cpu_us))];
+    row("device ms", gpu, sig3);
+    row("round trip µs", cpu, sig3);
+
+    // Bytes that incremental updates of whole float32 poses would move, per frame with a change: each vertex's pose in
+    // and out, and its delta for each changed target.
+    let pose_bytes = checks.stage.mesh.layout().vertex_count * PoseFormat::Float32.stride();
+    let dense = stats(&|f| Some((if f.changed > 0 { (f.changed + 2) * pose_bytes } else { 0 }) as f64));
+    let [dense, changed] = [dense, changed].map(|stats| stats.map_or(0.0, |s| s.mean));
+    let moved = moved.map(|s| s.mean);
+    let share = moved.filter(|_| dense > 0.0).map(|moved| moved / dense);
+    let of_dense = share.map_or(String::new(), |share| {
+        format!(": {} of what whole poses in float32 would take ({})", percent(share), bytes(dense))
     });
-    let moved = match s.bytes_moved_mean {
-        Some(moved) => format!("moved {} per frame{share}", bytes(moved)),
+    let told = match moved {
+        Some(moved) => format!("moved {} per frame{of_dense}", bytes(moved)),
         None => "planned on the device".into(),
     };
-    let (frames, setup, found) = (thousands(s.frames), checks.stage.describe(), checks.text());
-    let normals = sig3(s.normal_error_deg);
-    format!("{clip}, {frames} frames, {setup}\n\n{table}\n\n{moved}\n{found}; normals {normals}°")
+    // The largest angle between normals is that to those of the packed deltas.
+    let normal_error = checks.found.error.normal_degrees;
+    let (count, setup, found, normals) =
+        (thousands(frames.len()), checks.stage.describe(), checks.text(), sig3(normal_error));
+    let text = format!("{clip}, {count} frames, {setup}\n\n{table}\n\n{told}\n{found}; normals {normals}°");
+    // `normalise`: one weight that changes may change the factors of all active targets.
+    let more = json!({
+        "frames": frames.len(), "animated": args.animated, "normalise": args.run.input.normalise,
+        "noise": args.noise.unwrap_or(0.0), "changed_mean": changed, "bytes_moved_mean": moved,
+        "dense_bytes_mean": dense, "bytes_share": share, "gpu_ms_median": gpu.map(|s| s.median),
+        "gpu_ms_mean": gpu.map(|s| s.mean), "cpu_us_median": cpu.map(|s| s.median), "normal_error_deg": normal_error,
+    });
+    (text, With { fields: checks.record(), more })
 }
 
 #[cfg(test)]

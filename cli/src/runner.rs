@@ -1,8 +1,7 @@
 //! One interface to the GPU paths and the cpu path, for every command that updates poses; and the setup of commands
 //! that update one instance.
 
-use crate::args::poses::Sums;
-use crate::args::values::{BatchSpec, expand_batches, name};
+use crate::args::values::{BatchSpec, expand_batches};
 use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
@@ -316,11 +315,17 @@ pub struct Setup {
     format: &'static str,
     /// "incremental" or "rebuild".
     mode: &'static str,
-    accumulate: Sums,
+    /// "float" or "exact".
+    accumulate: &'static str,
     pose: &'static str,
     slots: u32,
     /// In input units; 0 if nothing is deferred.
     error_budget: f32,
+}
+
+/// How poses add up: "exact" where sums are of integers, and equal to a full evaluation bit for bit; else "float".
+pub fn accumulate(desc: &UpdateDesc) -> &'static str {
+    if desc.pose.has_integers() || desc.path == UpdatePath::Scatter { "exact" } else { "float" }
 }
 
 impl Stage {
@@ -366,14 +371,14 @@ impl Stage {
             path: self.desc.path.name(),
             format: self.mesh.layout().format.name(),
             mode: self.desc.mode.name(),
-            accumulate: Sums::of(&self.desc),
+            accumulate: accumulate(&self.desc),
             pose: self.desc.pose.name(),
             slots: self.desc.slots,
             error_budget: self.desc.error_budget,
         }
     }
 
-    /// In words: "blocks fast exact fixed32, 2 slots, on llvmpipe".
+    /// In words: "blocks fast fixed32, 2 slots, on llvmpipe".
     pub fn describe(&self) -> String {
         let UpdateDesc { path, pose, slots, .. } = self.desc;
         let device = if path == UpdatePath::Cpu { "the processor".to_owned() } else { self.device() };
@@ -381,7 +386,7 @@ impl Stage {
         // Paths that evaluate in draws have no pose buffers.
         let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
         let pose = if pose.has_integers() { format!(" {}", pose.name()) } else { String::new() };
-        format!("{} {format} {}{pose}{slots}, on {device}", path.name(), name(Sums::of(&self.desc)))
+        format!("{} {format}{pose}{slots}, on {device}", path.name())
     }
 }
 
@@ -394,8 +399,7 @@ pub fn prepare(
     out: &Output,
 ) -> Result<(Arc<PackedMesh>, UpdateDesc), Failure> {
     let update = &args.update;
-    let poses = update.named_poses().map_err(Failure::Usage)?;
-    let (named, pose) = (update.paths.first().copied(), poses.first().copied());
+    let (named, pose) = (update.paths.first().copied(), update.poses.first().copied());
     let path = named.unwrap_or(if engine.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
     let fits = |format: &DeltaFormat| path.formats().contains(format);
     let held = input.packed.as_ref().map(|mesh| mesh.layout().format);
@@ -412,7 +416,7 @@ pub fn prepare(
     let desc = default
         .mode(update.modes.first().copied().unwrap_or(default.mode))
         .slots(update.slots)
-        .pose(update.pose_on(path, pose.unwrap_or(default.pose)).map_err(Failure::Usage)?)
+        .pose(pose.unwrap_or(default.pose))
         .tolerance(update.drift)
         .weight_max(update.pack.weight_max)
         .error_budget(update.budget(input.kept.diagonal));

@@ -13,11 +13,10 @@ use serde_json::json;
 use std::time::Instant;
 
 pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    let SoakArgs { run, weights, .. } = args;
-    run.update.check_single("soak").map_err(Failure::Usage)?;
-    out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
+    let run = &args.run;
+    input::check("soak", run, &[], out)?;
     let input = input::load(&run.input, false, out)?;
-    let clips = input::clips(weights.as_deref(), &run.input, &input, &[])?;
+    let clips = input::clips(run.weights.as_deref(), &run.input, &input, &[])?;
     let stage = Stage::new(run, &input, device, out)?;
     let origin = input.origin.clone();
     // Only the packed mesh is needed from here on.
@@ -26,7 +25,8 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     // Positions only: random weights fold some normals to nothing, and angles are then meaningless.
     let mut checks = Checks::new(&stage, None);
     let sums = soak(args, &clips, &mut checks, out)?;
-    let (seconds, bit_exact) = (start.elapsed().as_secs_f64(), sums.as_ref().map(|sums| sums.right));
+    let seconds = start.elapsed().as_secs_f64();
+    let bit_exact = sums.as_ref().map(|sums| sums.right);
     let hash = sums.map(|sums| format!("{:016x}", sums.hash));
     let exact = match (bit_exact, &hash) {
         (Some(true), Some(hash)) => format!("\nsums and poses equal full evaluations bit for bit; hash {hash}"),
@@ -36,17 +36,20 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let (frames, setup, found) = (thousands(args.frames), stage.describe(), checks.text());
     out.say(format_args!("{frames} frames, {setup}, {} s\n{found}{exact}", sig3(seconds)));
     let clips: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
-    let error = checks.found.error.position;
-    // Errors are those against the float64 reference: of sums of integers with weights rounded to their grid.
     // `bit_exact` and the hash are `None` for float sums. The hash is the same on every driver; the seconds include
     // updates and comparisons.
     let more = json!({
         "schema": 1, "frames": args.frames, "bit_exact": bit_exact, "sums_hash": hash, "device": stage.device(),
         "input": origin, "clips": clips, "seed": run.input.seed, "seconds": seconds,
-        "max_error": error, "max_error_rel": error / checks.promise.scale,
     });
     out.json(&With { fields: checks.record(), more })?;
-    verdict(&checks, bit_exact, out)
+    if bit_exact == Some(false) {
+        let path = stage.desc.path.name();
+        return Err(Failure::Failed(format!(
+            "the integer sums or poses through '{path}' are not those of a full evaluation; {REMEDY}"
+        )));
+    }
+    checks.verdict(out)
 }
 
 /// Integer sums, if there are any: of fixed-point poses, or of `scatter`.
@@ -99,16 +102,6 @@ impl Sums {
         self.hash = sums.as_deref().map_or(0, fnv);
         Ok(())
     }
-}
-
-fn verdict(checks: &Checks<'_>, bit_exact: Option<bool>, out: &Output) -> Result<(), Failure> {
-    if bit_exact == Some(false) {
-        let path = checks.stage.desc.path.name();
-        return Err(Failure::Failed(format!(
-            "the integer sums or poses through '{path}' are not those of a full evaluation; {REMEDY}"
-        )));
-    }
-    checks.verdict(out)
 }
 
 /// Fewest and most frames of a stretch.

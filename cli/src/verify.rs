@@ -67,7 +67,8 @@ fn worse(a: f64, b: f64) -> f64 {
 }
 
 /// How far vertices are from where the source has them at the weights asked for, and what leads there step by step: the
-/// parts add up to the whole or more. In JSON; fields may be added, never renamed.
+/// parts add up to the whole or more, and are NaN (in JSON null) where they are not measured. In JSON; fields may be
+/// added, never renamed.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Errors {
     /// The largest distance, in input units, and as a fraction of the diagonal.
@@ -111,17 +112,6 @@ impl Errors {
             weights_error_rel: worse(self.weights_error_rel, other.weights_error_rel),
             rounding_error_rel: worse(self.rounding_error_rel, other.rounding_error_rel),
         }
-    }
-
-    /// In words, after what is off; `source`: what it is compared with.
-    pub fn text(&self, source: &str) -> String {
-        let parts = [self.max_error_rel, self.packing_error_rel, self.weights_error_rel, self.rounding_error_rel];
-        let [whole, packing, weights, rounding] = parts.map(sig3);
-        let length = sig3(self.max_error);
-        format!(
-            "{whole} of the diagonal ({length} in the units of the file) off {source} at the weights asked for: \
-             packing {packing}, rounded weights {weights}, rounding {rounding}"
-        )
     }
 }
 
@@ -292,7 +282,8 @@ pub struct Checks<'a> {
     wrong: Option<(usize, String)>,
 }
 
-/// The update options and the comparisons, in the JSON of `play` and `soak`.
+/// The update options and the comparisons, in the JSON of `play`, `soak` and `apply`. Fields may be added, never
+/// renamed.
 #[derive(Debug, Serialize)]
 pub struct Checked {
     #[serde(flatten)]
@@ -307,6 +298,9 @@ pub struct Checked {
     /// The largest difference of any component of further streams (tangents, texture coordinates, colours) from the
     /// reference; 0 without any.
     streams_error: f64,
+    /// Without a source, those against the float64 reference: of sums of integers with weights rounded to their grid.
+    #[serde(flatten)]
+    errors: Errors,
 }
 
 impl<'a> Checks<'a> {
@@ -357,14 +351,14 @@ impl<'a> Checks<'a> {
         let reference = evaluate(mesh, &applied);
         let found = self.promise.find(pose, &reference, &applied);
         let mut found = Found { bound, additions: self.additions, ..found };
-        let mut error = found.error.position;
-        if let Some(source) = &self.source {
-            let errors = Errors::of(pose, &reference, mesh, source, weights);
-            self.errors = self.errors.max(errors);
-            error = errors.max_error;
+        let errors = if let Some(source) = &self.source {
+            Errors::of(pose, &reference, mesh, source, weights)
         } else {
             found.turned = 0.0;
-        }
+            let error = found.error.position;
+            Errors::new([error, f64::NAN, f64::NAN, error], self.promise.scale)
+        };
+        self.errors = self.errors.max(errors);
         let mut complaint = (!self.promise.kept(&found)).then(|| self.promise.complaint(&found));
         for (group, packed) in mesh.groups().iter().enumerate().skip(1) {
             let promise = &self.promises[group - 1];
@@ -384,7 +378,7 @@ impl<'a> Checks<'a> {
         }
         self.count += 1;
         self.found = self.found.max(found);
-        Ok((step, Some(error)))
+        Ok((step, Some(errors.max_error)))
     }
 
     pub fn record(&self) -> Checked {
@@ -394,6 +388,7 @@ impl<'a> Checks<'a> {
             bound: self.found.bound,
             bound_rel: self.found.bound / self.promise.scale,
             streams_error: self.found.streams,
+            errors: self.errors,
         }
     }
 
@@ -410,20 +405,21 @@ impl<'a> Checks<'a> {
             0.0 => String::new(),
             off => format!("; further streams {} off", sig3(off)),
         };
-        let count = thousands(self.count);
-        match &self.source {
-            Some(_) => {
-                let errors = self.errors.text(self.stage.source);
-                format!("largest errors in {count} frames: {errors}{bound}{streams}")
-            }
-            None => {
-                let error = relative(self.found.error.position);
-                format!(
-                    "largest error in {count} frames, of the diagonal: {error} against the float64 \
-                     reference{bound}{streams}"
-                )
-            }
-        }
+        let Errors { max_error, max_error_rel: whole, .. } = self.errors;
+        let [packing, weights, rounding] =
+            [self.errors.packing_error_rel, self.errors.weights_error_rel, self.errors.rounding_error_rel].map(sig3);
+        let against = match &self.source {
+            None => "the float64 reference".to_owned(),
+            Some(_) => format!(
+                "{} at the weights asked for: packing {packing}, rounded weights {weights}, rounding {rounding}",
+                self.stage.source
+            ),
+        };
+        let (count, whole, length) = (thousands(self.count), sig3(whole), sig3(max_error));
+        format!(
+            "poses compared: {count}; largest error: {whole} of the diagonal ({length} in the units of the file) off \
+             {against}{bound}{streams}"
+        )
     }
 
     /// A failure if any frame was out of bounds; a note if the pose format made errors that another one does not.

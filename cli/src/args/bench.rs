@@ -69,7 +69,7 @@ pub struct BenchArgs {
         value_delimiter = ',',
         value_enum,
         conflicts_with_all = [
-            "full", "batch_sizes", "changed", "weights", "shared", "modes", "poses", "accumulate", "error_budget"
+            "full", "batch_sizes", "changed", "weights", "shared", "modes", "poses", "error_budget"
         ]
     )]
     pub suites: Vec<SuiteChoice>,

@@ -9,10 +9,6 @@ use std::path::PathBuf;
 pub struct RenderArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to take the weights from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by
-    /// its name
-    #[arg(long, value_name = "CSV")]
-    pub weights: Option<PathBuf>,
     /// Frame of the weight clip, counted from 0
     #[arg(long, value_name = "N", requires = "weights", conflicts_with_all = ["clip", "crowd"])]
     pub frame: Option<usize>,

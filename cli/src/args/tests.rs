@@ -1,11 +1,9 @@
 //! Tests of the command line.
 
 use super::bench::SuiteChoice;
-use super::poses::Sums;
 use super::values::*;
 use super::*;
 use clap::CommandFactory;
-use deltamorph::UpdateDesc;
 
 fn parse(line: &str) -> Result<Cli, clap::Error> {
     Cli::try_parse_from(format!("deltamorph {line}").split_whitespace())
@@ -85,11 +83,11 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
         ("bench", "--tolerance -1e-6|--tolerance inf|--batch-sizes 0|--batch-sizes 7..1|--batch-sizes 1..|--heads 0"),
         ("bench", "--paths vulkan|--formats half|--mode both|--report a --no-report"),
         ("bench", "--suite x|face --vertices 3|face --sparsity 0.5"),
-        ("bench --suite all", "--time-limit 0|--changed 3|--shared|--mode rebuild|--poses fixed16|--accumulate exact"),
+        ("bench --suite all", "--time-limit 0|--changed 3|--mode rebuild"),
         ("apply", "--set jawOpen -o a.obj|--set =1 -o a.obj|--set jawOpen=nan -o a.obj|face --set a=1"),
-        ("apply face -o a.obj", "--weights a.csv|--frame 3|--batch-size 1..3 --set a=1"),
+        ("apply face -o a.obj", "--frame 3|--batch-size 1..3 --set a=1"),
         ("play", "face --noise 0|face --noise nan|face --every 0|--path gpu|--batch-size 1..3"),
-        ("play", "--block-size 33|--error-budget 1px|--pose fixed8|--accumulate int|--weight-max 0|--weight-max -1"),
+        ("play", "--block-size 33|--error-budget 1px|--pose fixed8|--weight-max 0|--weight-max -1"),
         ("soak", "|--frames 0|--frames 5 --every 0"),
         ("sample", ""),
         ("lod face", "--metric half|--random 0|--set jawOpen=1"),
@@ -102,44 +100,6 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
             assert_eq!(parse(&line).expect_err(&line).exit_code(), 2, "{line}");
         }
     }
-}
-
-/// The update options of a line of `bench`.
-fn update(options: &str) -> UpdateArgs {
-    args!(Bench, &format!("bench {options}")).update
-}
-
-#[test]
-fn sums_name_poses_too() {
-    use PoseFormat::{Fixed16, Fixed32, Float32};
-    for (options, poses) in [
-        ("", &[][..]),
-        ("--accumulate exact", &[Fixed32]),
-        ("--accumulate exact,float,exact", &[Fixed32, Float32]),
-        ("--pose fixed16", &[Fixed16]),
-        ("--poses fixed16,float32,fixed16", &[Fixed16, Float32]),
-        ("--pose fixed16,fixed32 --accumulate exact", &[Fixed16, Fixed32]),
-    ] {
-        assert_eq!(update(options).named_poses().as_deref(), Ok(poses), "{options}");
-    }
-    let message = update("--accumulate float --pose fixed16").named_poses().expect_err("they contradict");
-    assert!(message.contains("--accumulate float and --pose fixed16 contradict each other"), "{message}");
-
-    let on = |options: &str, path, pose| update(options).pose_on(path, pose);
-    for path in UpdatePath::ALL {
-        for pose in PoseFormat::ALL {
-            let taken = on("", path, pose);
-            let own_sums = path == UpdatePath::Scatter && pose == Fixed32;
-            assert_eq!(taken.is_ok(), path.poses().contains(&pose) || own_sums, "{path:?} {pose:?}");
-            assert!(taken.is_ok_and(|taken| taken == if own_sums { Float32 } else { pose }) || pose != Float32);
-        }
-    }
-    // The sums of scatter are integers and its poses float32: the kind is that of --accumulate, not of --pose.
-    let scatter = |options: &str, pose| on(options, UpdatePath::Scatter, pose).ok();
-    assert_eq!(scatter("--accumulate exact", Fixed32), Some(Float32));
-    assert_eq!((scatter("--pose float32", Float32), scatter("--pose fixed32", Fixed32)), (Some(Float32), None));
-    assert_eq!(scatter("--accumulate float", Float32), None);
-    assert_eq!(Sums::of(&UpdateDesc::new(UpdatePath::Scatter, Default::default())), Sums::Exact);
 }
 
 #[test]

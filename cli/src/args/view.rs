@@ -9,10 +9,6 @@ use std::path::PathBuf;
 pub struct ViewArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to play: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name [default:
-    /// the first in INPUT/weights or INPUT, which waits for "play"]
-    #[arg(long, value_name = "CSV")]
-    pub weights: Option<PathBuf>,
     /// Weights by name to begin with (repeatable)
     #[arg(long, value_name = "NAME=WEIGHT,…", value_parser = values::settings)]
     pub set: Vec<Vec<(String, f32)>>,

@@ -62,8 +62,8 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let (batches, refused) = expand_batches(if direct { &[BatchSpec::Max] } else { wanted.sizes }, path, max);
             // Formats that only blocks support are not reported if all were requested.
             let held = |pose: &&PoseFormat| pose.takes(format);
-            let on_path = |pose: &PoseFormat| update.pose_on(path, *pose).ok();
-            let poses: Vec<PoseFormat> = wanted.poses.iter().filter(held).filter_map(on_path).collect();
+            let on_path = |pose: &&PoseFormat| path.poses().contains(pose);
+            let poses: Vec<PoseFormat> = wanted.poses.iter().filter(held).filter(on_path).copied().collect();
             for batch in batches {
                 for (&mode, &pose) in modes.iter().flat_map(|mode| poses.iter().map(move |pose| (mode, pose))) {
                     let desc = UpdateDesc::new(path, batch)
@@ -95,14 +95,8 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
         }
         if !update.paths.is_empty() && before == (configs.len(), skipped.len()) {
             let formats: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
-            let poses = match path {
-                UpdatePath::Scatter => "--accumulate exact",
-                UpdatePath::Blocks | UpdatePath::Cpu => {
-                    "--poses float32 (fast and small also fixed32, fixed16, rebuilt16)"
-                }
-                _ => "--poses float32",
-            };
-            let reason = format!("takes --formats {} and {poses}", formats.join(","));
+            let poses: Vec<&str> = path.poses().iter().map(|pose| pose.name()).collect();
+            let reason = format!("takes --formats {} and --poses {}", formats.join(","), poses.join(","));
             skipped.push(Skipped { what: path.name().into(), reason });
         }
     }

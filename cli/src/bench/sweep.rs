@@ -37,7 +37,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let clips = clips(args, &input)?;
     let budget = args.update.budget(input.kept.diagonal);
     let poses = if args.full { &POSES[..] } else { &POSES[..1] };
-    let poses = distinct_or(&args.update.named_poses().map_err(Failure::Usage)?, poses);
+    let poses = distinct_or(&args.update.poses, poses);
     let mut session = Session::open(args, device, &input, out)?;
     let [most, few] = if args.full { [&FULL[..], &FULL_OF_FEW] } else { [&MAIN[..], &MAIN] };
     let (most, skipped) = wanted(&session, &poses, budget, most);

@@ -6,9 +6,7 @@ use super::record::{Round, RunRecord};
 use super::stats::Stats;
 use super::subject::Subject;
 use super::workload::Setting;
-use crate::args::poses::Sums;
-use crate::args::values::name;
-use crate::runner::{Frame, Runner};
+use crate::runner::{Frame, Runner, accumulate};
 use crate::verify::{Found, Promise};
 use deltamorph::reference::compare;
 use deltamorph::{PackedMesh, Result, UpdateDesc, UpdateStats};
@@ -51,7 +49,7 @@ impl<'a> Candidate<'a> {
             shared: setting.shared,
             draws: setting.passes,
             crowds: if *separate { setting.updated() } else { 1 },
-            accumulate: name(Sums::of(desc)),
+            accumulate: accumulate(desc).into(),
             pose: desc.pose.name().into(),
             error_budget: desc.error_budget,
             format: format.name().into(),

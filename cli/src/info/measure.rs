@@ -4,7 +4,7 @@ use super::pose_formats::{PoseCost, Sample, pose_costs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::verify::scale;
-use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedLayout, PackedMesh, PoseError};
+use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -35,20 +35,7 @@ pub struct Cost {
     pub normal_error_deg: f64,
 }
 
-impl Cost {
-    pub fn of(layout: &PackedLayout, error: PoseError) -> Self {
-        Self {
-            delta_bytes: layout.delta_bytes(),
-            index_bytes: layout.index_bytes(),
-            dense_f32_bytes: (layout.vertex_count * layout.targets.len() * DeltaFormat::Float32.stride()) as u64,
-            position_error: error.position,
-            position_error_rel: error.position / scale(layout.diagonal),
-            normal_error_deg: error.normal_degrees,
-        }
-    }
-}
-
-/// A packed mesh and its cost: in the JSON of `info`, the row of its format.
+/// The costs and errors of a packed mesh, in the JSON of `info` and `pack`.
 #[derive(Serialize)]
 pub struct Measured {
     pub name: &'static str,
@@ -59,6 +46,25 @@ pub struct Measured {
     /// Zeros for a dense format.
     #[serde(skip)]
     pub blocks: Blocks,
+}
+
+impl Measured {
+    /// `held`: a packed file's own mesh.
+    pub fn of(packed: &Arc<PackedMesh>, held: bool, sample: &Sample<'_>) -> Self {
+        let layout = packed.layout();
+        // Blocks know their error.
+        let error = layout.blocks.as_ref().map_or_else(|| packed.measure_error(&sample.input.kept), |b| b.error());
+        let cost = Cost {
+            delta_bytes: layout.delta_bytes(),
+            index_bytes: layout.index_bytes(),
+            dense_f32_bytes: (layout.vertex_count * layout.targets.len() * DeltaFormat::Float32.stride()) as u64,
+            position_error: error.position,
+            position_error_rel: error.position / scale(layout.diagonal),
+            normal_error_deg: error.normal_degrees,
+        };
+        let (name, pose_formats) = (layout.format.name(), pose_costs(packed, held, sample));
+        Self { name, cost, pose_formats, blocks: blocks(packed) }
+    }
 }
 
 /// Packs the mesh of `input` in each of `formats`, one after the other. The mesh of a packed file is used as it is for
@@ -78,12 +84,9 @@ pub fn measure_all(
         let packed = held.map_or_else(|| pack(&input.kept, *format), |held| Ok(held.clone()))?;
         bar.inc(1);
         bar.set_message(format!("measuring {name}"));
-        let layout = packed.layout();
-        // Blocks know their error.
-        let error = layout.blocks.as_ref().map_or_else(|| packed.measure_error(&input.kept), |blocks| blocks.error());
-        let pose_formats = pose_costs(&packed, held.is_some(), sample);
+        let measured = Measured::of(&packed, held.is_some(), sample);
         bar.inc(1);
-        Ok(Measured { name, cost: Cost::of(layout, error), pose_formats, blocks: blocks(&packed) })
+        Ok(measured)
     };
     formats.iter().map(one).collect()
 }

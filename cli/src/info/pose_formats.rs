@@ -5,9 +5,8 @@ use crate::input::{self, Input};
 use crate::runner::reaching;
 use crate::table::{Column, Table, sig3};
 use crate::verify::{Errors, FAR_OFF, float_rounding, scale};
-use deltamorph::{
-    BatchSize, BoundClip, CpuCrowd, MorphMesh, POSE_FLOATS, PackedMesh, PoseFormat, UpdateDesc, UpdatePath,
-};
+use deltamorph::reference::{compare, evaluate_unpacked};
+use deltamorph::{BatchSize, BoundClip, CpuCrowd, MorphMesh, PackedMesh, PoseFormat, UpdateDesc, UpdatePath};
 use deltamorph_head::Rng;
 use glam::DVec3;
 use serde::Serialize;
@@ -54,11 +53,11 @@ pub struct Grid {
 pub struct Sample<'a> {
     /// The clips of the input.
     pub clips: Vec<BoundClip>,
-    /// Weights, and the positions of the source at them.
-    poses: Vec<(Vec<f32>, Vec<DVec3>)>,
+    /// Weights, and the source at them.
+    poses: Vec<(Vec<f32>, Vec<f64>)>,
     /// What they are, in words.
     what: String,
-    input: &'a Input,
+    pub input: &'a Input,
     /// The largest weight that poses are to hold, if it is stated.
     weight_max: Option<f32>,
 }
@@ -78,13 +77,8 @@ impl<'a> Sample<'a> {
             weights.push(input.raw.targets.iter().map(|_| rng.range(0.0, 1.0)).collect());
         }
         let pose = |weights: Vec<f32>| {
-            let mut positions: Vec<DVec3> = input.raw.positions.iter().map(|position| position.as_dvec3()).collect();
-            for (target, weight) in input.raw.targets.iter().zip(&weights).filter(|(_, weight)| **weight != 0.0) {
-                for (vertex, delta) in target.vertices.iter().zip(&target.positions) {
-                    positions[*vertex as usize] += f64::from(*weight) * delta.as_dvec3();
-                }
-            }
-            (weights, positions)
+            let reference = evaluate_unpacked(&input.raw, &weights);
+            (weights, reference)
         };
         let poses = weights.into_iter().map(pose).collect();
         Self { clips, poses, what, input, weight_max }
@@ -94,14 +88,10 @@ impl<'a> Sample<'a> {
     fn farthest(&self, packed: &Arc<PackedMesh>, desc: UpdateDesc) -> deltamorph::Result<f64> {
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1)?;
         let mut farthest = 0.0f64;
-        for (weights, positions) in &self.poses {
+        for (weights, reference) in &self.poses {
             crowd.set_weights(0, weights)?;
             crowd.update();
-            let pose = packed.layout().to_user_order(&crowd.pose(0)?);
-            let found =
-                pose.as_chunks::<POSE_FLOATS>().0.iter().map(|vertex| DVec3::from_slice(&vertex.map(f64::from)));
-            let distances = found.zip(positions).map(|(found, position)| found.distance(*position));
-            farthest = distances.fold(farthest, f64::max);
+            farthest = farthest.max(compare(&packed.layout().to_user_order(&crowd.pose(0)?), reference).position);
         }
         Ok(farthest)
     }

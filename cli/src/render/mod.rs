@@ -24,7 +24,7 @@ use std::rc::Rc;
 pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     args.run.update.check_single("render").map_err(Failure::Usage)?;
     let one_pose = args.clip.is_none() && args.crowd.is_none();
-    if one_pose && args.weights.is_some() && args.frame.is_none() {
+    if one_pose && args.run.weights.is_some() && args.frame.is_none() {
         return Err(Failure::Usage("--weights: which frame? give --frame N, or --clip OUT for all of them".into()));
     }
     if let Some(path) = args.run.update.paths.iter().find(|path| path.evaluates_in_draws()) {
@@ -34,7 +34,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     }
     // clap ensures that one of the two is given.
     let output = args.output.as_deref().or(args.clip.as_deref()).unwrap_or(Path::new(""));
-    let read = input::files_of(&args.run.input, args.weights.as_slice());
+    let read = input::files_of(&args.run.input, args.run.weights.as_slice());
     if args.clip.is_some() && !clip::is_one_file(output) {
         out.check(&read, &[], Some(output))?;
     } else {
@@ -51,10 +51,10 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     if args.look() == Look::Wrinkles {
         input.add_masks()?;
     }
-    if args.run.update.named_poses().map_err(Failure::Usage)?.iter().any(|pose| pose.has_integers()) {
+    if args.run.update.poses.iter().any(|pose| pose.has_integers()) {
         // Poses have to hold the weights of the clip. Its notes are printed when it is drawn.
         let notes = input.out.take();
-        input::clips(args.weights.as_deref(), &args.run.input, &input, &args.set)?;
+        input::clips(args.run.weights.as_deref(), &args.run.input, &input, &args.set)?;
         input.pose(&args.set)?;
         input.out = notes;
     }

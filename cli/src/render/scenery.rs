@@ -121,7 +121,7 @@ impl Scenery<'_> {
     pub fn weights(&self) -> Result<[Vec<f32>; 2], Failure> {
         let args = self.args;
         let rest = || vec![0.0; self.input.kept.targets.len()];
-        let (Some(path), Some(frame)) = (&args.weights, args.frame) else {
+        let (Some(path), Some(frame)) = (&args.run.weights, args.frame) else {
             return Ok([self.input.pose(&args.set)?, rest()]);
         };
         let clip = input::clip(path, &args.run.input, self.input, &args.set)?;
@@ -132,7 +132,7 @@ impl Scenery<'_> {
     /// Frames of the requested clip, or of the only one, with the settings applied; and their rate.
     pub fn frames(&self) -> Result<(Vec<Vec<f32>>, f32), Failure> {
         let args = self.args;
-        let clip = input::one_clip(args.weights.as_deref(), &args.run.input, self.input, &args.set)?;
+        let clip = input::one_clip(args.run.weights.as_deref(), &args.run.input, self.input, &args.set)?;
         Ok((clip.frames().collect(), clip.fps))
     }
 

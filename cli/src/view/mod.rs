@@ -32,7 +32,7 @@ pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     };
     steps.extend(args.screenshot.iter().map(|path| (0, Step::Screenshot(path.clone()))));
     let files: Vec<&Path> = steps.iter().filter_map(|(_, step)| written(step)).collect();
-    let mut read = input::files_of(&args.run.input, args.weights.as_slice());
+    let mut read = input::files_of(&args.run.input, args.run.weights.as_slice());
     read.extend(args.script.clone());
     out.check(&read, &files, None)?;
     let scripted = args.script.is_some() || args.screenshot.is_some();

@@ -41,7 +41,7 @@ pub struct State {
 
 impl State {
     pub fn new(args: &ViewArgs, out: &Output) -> Result<Self, Failure> {
-        let named = args.weights.as_deref();
+        let named = args.run.weights.as_deref();
         let input = input::load(&args.run.input, false, out)?;
         let first = named.or(input.clips.first().map(PathBuf::as_path));
         let clip = input::clips(first, &args.run.input, &input, &[])?.pop();

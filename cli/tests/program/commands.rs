@@ -114,6 +114,7 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
         (&["bench", "--changed", "99", "--targets", "12", "--vertices", "50"][..], 2, "the mesh has 12 targets"),
         (&["apply", &dir, "-o", out, "--set", "nose=1"], 2, "--set nose: 'head' has no such target"),
         (&["apply", &dir, "-o", out], 2, "nothing to apply"),
+        (&["apply", &dir, "-o", out, "--weights", "a.csv"], 2, "give --weights CSV --frame N"),
         (&["bench", "no/such/folder"], 1, "no/such/folder"),
         (&["devices", "--device", "GeForce"], 1, "no such Vulkan device; choose one of: 0: "),
         (&["apply", &dir, "-o", "-", "--set", "eyeBlinkLeft=1"], 2, "name a file"),

@@ -17,7 +17,7 @@ fn play_keeps_its_contract_on_every_path() {
         &["--path", "cpu"][..],
         &["--path", "cpu", "--format", "float32"],
         &["--path", "cpu", "--format", "small", "--pose", "fixed16"],
-        &["--device", "llvmpipe", "--accumulate", "exact", "--slots", "3", "--format", "small"],
+        &["--device", "llvmpipe", "--pose", "fixed32", "--slots", "3", "--format", "small"],
         &["--device", "SwiftShader", "--pose", "fixed16", "--error-budget", "1e-4d"],
         &["--device", "llvmpipe", "--path", "compute", "--batch-size", "4"],
     ] {
@@ -63,7 +63,7 @@ fn a_device_plays_and_plans_a_clip() {
     let dir = sample(folder.path());
     let play =
         |more: &[&str]| json(&[&["play", &dir, "--device", "llvmpipe", "--every", "5", "--json", "-"], more].concat());
-    let (out, told) = (play(&["--animated"]), play(&["--accumulate", "exact"]));
+    let (out, told) = (play(&["--animated"]), play(&["--pose", "fixed32"]));
     for (frame, told) in out["frames"].as_array().unwrap().iter().zip(told["frames"].as_array().unwrap()) {
         assert_eq!((&frame["changed"], &frame["active"]), (&told["changed"], &told["active"]));
         assert_eq!(frame["max_error"].is_number(), told["max_error"].is_number());
@@ -148,9 +148,7 @@ fn soak_keeps_its_contract_and_its_promises() {
 #[test]
 fn exact_poses_stay_what_they_are() {
     let long = ["soak", "--vertices", "4000", "--targets", "16", "--frames", "20000", "--path", "cpu", "--json", "-"];
-    let hash = |more: [&str; 2]| json(&[&long[..], &more].concat())["sums_hash"].clone();
-    assert_eq!(hash(["--accumulate", "exact"]), "c9670dfcaf3f6496");
-    assert_eq!(hash(["--pose", "fixed32"]), "c9670dfcaf3f6496");
+    assert_eq!(json(&[&long[..], &["--pose", "fixed32"]].concat())["sums_hash"], "c9670dfcaf3f6496");
 }
 
 #[test]
@@ -167,17 +165,15 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     for (option, several) in [
         ("--path", "cpu,blocks"),
         ("--mode", "incremental,rebuild"),
-        ("--accumulate", "float,exact"),
         ("--pose", "fixed16,fixed32"),
         ("--format", "fast,small"),
     ] {
         check(&["play", &dir, option, several], 2, &[&format!("{option}: play takes one; name one of them")]);
     }
     check(&["play", &dir, "--weights", "none.csv", "--path", "cpu"], 2, &["none.csv", "; clips of", "head_30fps.csv"]);
-    check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 2, &["fixed32", "'fast'"]);
+    check(&["play", &dir, "--path", "cpu", "--format", "float32", "--pose", "fixed32"], 2, &["fixed32", "'fast'"]);
     check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
-    check(&["play", &dir, "--accumulate", "float", "--pose", "fixed16"], 2, &["contradict each other", "fixed16"]);
-    check(&["play", &dir, "--path", "scatter", "--accumulate", "float"], 2, &["'scatter' adds integers"]);
+    check(&["play", &dir, "--path", "scatter", "--pose", "fixed32"], 2, &["'scatter'", "float32"]);
     check(&["play", &dir, "--animated", "--pose", "float32"], 1, &["float32 poses", "use fixed16 or fixed32"]);
     check(&["play", &dir, "--path", "cpu", "--json", "/nonexistent/x.json"], 1, &["/nonexistent/x.json"]);
     std::fs::copy(&clip, weights.join("second.csv")).unwrap();
