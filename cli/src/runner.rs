@@ -101,7 +101,7 @@ fn read_pose<C: AnyCrowd + 'static>(
 
 /// Instances updated by one path.
 pub enum Runner<'a> {
-    /// On a device: a crowd, one per instance, or one per mesh of a scene; all with as many instances.
+    /// On a device: a crowd, or one per mesh of a scene, all with as many instances.
     Gpu(Vec<HeadlessCrowd<'a>>),
     /// On a device that plays a clip for each mesh, a frame per step.
     Animated { crowds: Vec<HeadlessCrowd<'a, AnimatedCrowd>>, fps: f32, frame: usize },
@@ -131,32 +131,12 @@ impl<'a> Runner<'a> {
         heads: u32,
         threads: usize,
     ) -> deltamorph::Result<Self> {
-        match (desc.path, gpu) {
-            (UpdatePath::Cpu, gpu) => {
-                let crowd = CpuCrowd::new(mesh.clone(), desc, heads, threads)?;
-                let upload = gpu.map(|gpu| PoseUpload::new(gpu, crowd.layout(), heads)).transpose()?;
-                Ok(Self::Cpu(Box::new(crowd), upload.map(Box::new)))
-            }
-            (_, Some(gpu)) => Self::crowds(gpu, mesh, desc, heads, 1),
-            (path, None) => Err(no_device(path)),
+        if desc.path != UpdatePath::Cpu {
+            return Self::scene(gpu, &[(mesh.clone(), desc)], heads);
         }
-    }
-
-    /// `count` crowds (≥ 1) of `heads` instances each on a device, updated in one submission.
-    pub fn crowds(
-        gpu: &'a Gpu,
-        mesh: &Arc<PackedMesh>,
-        desc: UpdateDesc,
-        heads: u32,
-        count: usize,
-    ) -> deltamorph::Result<Self> {
-        // Each update is waited for.
-        let desc = CrowdDesc::new(desc).instances(heads).frames_in_flight(1);
-        let mut crowds = vec![HeadlessCrowd::new(gpu, mesh, &desc)?];
-        for _ in 1..count {
-            crowds.push(crowds[0].another(&desc)?);
-        }
-        Ok(Self::Gpu(crowds))
+        let crowd = CpuCrowd::new(mesh.clone(), desc, heads, threads)?;
+        let upload = gpu.map(|gpu| PoseUpload::new(gpu, crowd.layout(), heads)).transpose()?;
+        Ok(Self::Cpu(Box::new(crowd), upload.map(Box::new)))
     }
 
     /// `heads` instances more of the same mesh, which is not uploaded again; `None` unless it is updated on a device.
@@ -174,6 +154,7 @@ impl<'a> Runner<'a> {
     ) -> deltamorph::Result<Self> {
         let crowd = |(mesh, desc): &(Arc<PackedMesh>, UpdateDesc)| {
             let gpu = gpu.filter(|_| desc.path != UpdatePath::Cpu).ok_or_else(|| no_device(desc.path))?;
+            // Each update is waited for.
             HeadlessCrowd::new(gpu, mesh, &CrowdDesc::new(*desc).instances(heads).frames_in_flight(1))
         };
         Ok(Self::Gpu(parts.iter().map(crowd).collect::<deltamorph::Result<_>>()?))

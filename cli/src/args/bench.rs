@@ -9,12 +9,11 @@ use std::time::Duration;
 /// A ready-made comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SuiteChoice {
-    /// One head and many, each with its own animation or all with one, against the number of targets
+    /// Every technique against the number of targets, for one head and many (--shared: copies of one); crowds of 10 to
+    /// 10,000 heads, planned by the processor and animated on the device
     Crowd,
-    /// Every technique, with all, few and still targets, dense and sparse, for one head and many
+    /// Every technique with all, few and constant targets, dense and sparse, for one head and many
     Techniques,
-    /// Every technique with weights that never change (sliders of a character, poses held) beside animated ones
-    Constant,
     /// Forty faces of four rigs of up to 23,735 vertices and 319 targets, each at its own frame of a clip
     Faces,
     /// Every technique on captured clips: those of INPUT, or of the data sets under DELTAMORPH_DATA
@@ -44,8 +43,8 @@ pub struct BenchArgs {
     /// Replay this weight clip as a workload, next to the random one (repeatable)
     #[arg(long, value_name = "CSV")]
     pub weights: Vec<PathBuf>,
-    /// Numbers of heads, each with its own weights [default: 1; suites: 1 and 100, techniques: 1,10,100,
-    /// constant and clips: 1, faces: 40]
+    /// Numbers of heads, each with its own weights [default: 1; suites crowd: 1,100 and 10,100,1000,10000, techniques:
+    /// 1,10,100, faces: 40]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::whole(1u32, 1_000_000))]
     pub heads: Vec<u32>,
     /// One animation for all heads: one is updated, and its pose drawn for each
@@ -69,11 +68,16 @@ pub struct BenchArgs {
         value_delimiter = ',',
         value_enum,
         conflicts_with_all = [
-            "full", "batch_sizes", "changed", "weights", "shared", "modes", "poses", "error_budget"
+            "full", "batch_sizes", "changed", "weights", "modes", "error_budget"
         ]
     )]
     pub suites: Vec<SuiteChoice>,
-    /// Seconds to time each configuration for, where --frames take longer [default: 0.4; suites: 5, constant: 0.5]
+    /// Suite techniques: numbers of targets with a weight that never changes, beside the four that change in each frame
+    /// (sliders of a character, poses that are held) [default: 0]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', requires = "suites")]
+    #[arg(value_parser = values::whole(0, values::MAX_TARGETS))]
+    pub constant: Vec<usize>,
+    /// Seconds to time each configuration for, where --frames take longer [default: 0.4; suites: 5]
     #[arg(long, value_name = "SECONDS")]
     #[arg(value_parser = values::number("a number of seconds above 0, at most a day", |v| v > 0.0 && v <= 86_400.0))]
     pub time_limit: Option<f32>,

@@ -83,7 +83,7 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
         ("bench", "--tolerance -1e-6|--tolerance inf|--batch-sizes 0|--batch-sizes 7..1|--batch-sizes 1..|--heads 0"),
         ("bench", "--paths vulkan|--formats half|--mode both|--report a --no-report"),
         ("bench", "--suite x|face --vertices 3|face --sparsity 0.5"),
-        ("bench --suite all", "--time-limit 0|--changed 3|--mode rebuild"),
+        ("bench --suite all", "--time-limit 0|--changed 3|--mode rebuild|--constant x"),
         ("apply", "--set jawOpen -o a.obj|--set =1 -o a.obj|--set jawOpen=nan -o a.obj|face --set a=1"),
         ("apply face -o a.obj", "--frame 3|--batch-size 1..3 --set a=1"),
         ("play", "face --noise 0|face --noise nan|face --every 0|--path gpu|--batch-size 1..3"),

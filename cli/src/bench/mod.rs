@@ -1,6 +1,5 @@
 //! `bench`: the time per frame of the update paths, verified, with a report.
 
-mod compare;
 mod configs;
 mod interleave;
 mod machine;
@@ -21,7 +20,6 @@ mod workload;
 use crate::args::bench::BenchArgs;
 use crate::input;
 use crate::output::{Failure, Output};
-use crate::table::count;
 use deltamorph_headless::DeviceChoice;
 use record::Report;
 
@@ -40,13 +38,6 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 
 /// Prints the result, and writes the JSON and the report folder.
 fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
-    tables::of_all(&report.runs).iter().for_each(|same| out.say(same));
-    for suite in &report.suites {
-        out.say(format_args!("{} (suite {})\n", suite.title, suite.name));
-        for (_, table) in tables::of_suite(suite, report) {
-            out.say(format_args!("{table}\n"));
-        }
-    }
     for skipped in &report.skipped {
         out.note(format_args!("{}: {}", skipped.what, skipped.reason));
     }
@@ -57,7 +48,7 @@ fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure
         }
         return verdict(report);
     }
-    out.say(format_args!("\n{}", report.findings.join("\n")));
+    out.say(report.findings.join("\n"));
     let json = out.json(report);
     if let Some(folder) = args.folder() {
         let spinner = out.spinner("writing the report");
@@ -76,13 +67,12 @@ fn verdict(report: &Report) -> Result<(), Failure> {
     let wrong = || runs.iter().filter(|r| !r.verified);
     Err(Failure::Failed(if let Some(first) = wrong().next() {
         format!(
-            "{} of {} configurations are wrong, the first: {} {} batch {}, {} changed: {}; the report marks them",
+            "{} of {} configurations are wrong, the first: {}, {} batch {}: {}; the report marks them",
             wrong().count(),
             runs.len(),
-            first.path,
-            first.format,
+            first.cell,
+            first.label(),
             first.batch_size,
-            count(first.changed),
             first.problem.as_deref().unwrap_or("no reason given")
         )
     } else if runs.is_empty() && skipped.is_empty() {

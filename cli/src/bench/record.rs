@@ -33,18 +33,11 @@ pub struct Report {
     /// The suites requested by `--suite`, in the order that they ran; empty for an ordinary run.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub suites: Vec<SuiteRecord>,
-    /// The meshes of the suites, by the names in runs; empty for an ordinary run, which has one mesh.
+    /// The meshes, by the names in runs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshInfo>,
     /// Sentences that summarise the runs.
     pub findings: Vec<String>,
-}
-
-impl Report {
-    /// The runs of `suite`, or all without one.
-    pub fn runs_of<'a>(&'a self, suite: Option<&'a SuiteRecord>) -> impl Iterator<Item = &'a RunRecord> {
-        self.runs.iter().filter(move |run| suite.is_none_or(|suite| run.suite == suite.name))
-    }
 }
 
 #[derive(Clone, Debug, Default, Serialize)]
@@ -90,58 +83,13 @@ impl Skipped {
     }
 }
 
-/// The findings of a suite, in addition to its runs.
+/// A ready-made comparison.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct SuiteRecord {
-    /// "crowd", "techniques", "constant", "faces" or "clips".
-    pub name: String,
+    /// "crowd", "techniques", "faces" or "clips".
+    pub name: &'static str,
     /// What it compares, as a heading.
-    pub title: String,
-    /// The categories that techniques compete in, in the order measured.
-    pub cells: Vec<CellRecord>,
-    /// Pairs of configurations that were measured interleaved.
-    pub comparisons: Vec<Comparison>,
-}
-
-/// The fastest techniques of a cell.
-#[derive(Clone, Debug, Serialize)]
-pub struct CellRecord {
-    /// Its name, which runs refer to.
-    pub name: String,
-    pub mesh: String,
-    /// The changes: in words, or the clip.
-    pub change: String,
-    pub heads: u32,
-    /// The fastest technique with a device.
-    pub fastest: Option<String>,
-    /// The path `blocks`, with its fastest format.
-    pub blocks: Option<String>,
-    /// The fastest other technique.
-    pub best_other: Option<String>,
-    /// Time of `blocks` over that of the best other: below 1, `blocks` is the faster one.
-    pub blocks_to_best_other: Option<f64>,
-    /// The same ratio of means: if many frames of a clip change nothing, the median is that of a draw.
-    pub blocks_to_best_other_mean: Option<f64>,
-    /// Time of `direct` over that of `blocks`: above 1, `blocks` is the faster one.
-    pub direct_to_blocks: Option<f64>,
-}
-
-/// Two configurations of the same work.
-#[derive(Clone, Debug, Serialize)]
-pub struct Comparison {
-    pub name: String,
-    pub first: String,
-    pub second: String,
-    /// Median of the first, in ms.
-    pub first_ms: f64,
-    /// Median of the second, in ms.
-    pub second_ms: f64,
-    /// First over second: the median of the rounds' ratios.
-    pub ratio: f64,
-    /// Frames of the first and of the second.
-    pub n: [usize; 2],
-    /// The expected ratio; empty if it is a finding.
-    pub goal: String,
+    pub title: &'static str,
 }
 
 /// One configuration and its measurements.
@@ -150,11 +98,9 @@ pub struct RunRecord {
     /// Its suite; empty in an ordinary run.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub suite: String,
-    /// Its category in the suite.
-    #[serde(skip_serializing_if = "String::is_empty")]
+    /// The work that it has in common with the configurations measured in turns with it.
     pub cell: String,
-    /// Its name in the suite.
-    #[serde(skip_serializing_if = "String::is_empty")]
+    /// Its path, with what is not the default of the path: mode, pose format, animated on the device.
     pub technique: String,
     pub mesh: String,
     pub targets: usize,
@@ -166,7 +112,7 @@ pub struct RunRecord {
     pub batch_size: BatchSize,
     /// The largest batch that this path and format allow on this device.
     pub batch_max: Option<u32>,
-    /// "random", "few", "constant", or the clip that was replayed.
+    /// "random", "few", or the clip that was replayed.
     pub workload: String,
     /// Targets with a changed weight, per frame and instance: counted (for clips, a mean).
     #[serde(serialize_with = "whole")]
@@ -183,8 +129,6 @@ pub struct RunRecord {
     /// Draws of each instance in a frame: the last one reads whole vertices, those before it positions alone. 0: frames
     /// had none.
     pub draws: u32,
-    /// Crowds that the instances are divided into; all are updated in one submission.
-    pub crowds: u32,
     /// Whether it was measured after the others, for lack of memory: its ratios are of medians, not of rounds.
     pub alone: bool,
     /// "float" or "exact".
@@ -278,26 +222,9 @@ impl RunRecord {
         self.verified && self.time().is_some_and(|t| t.median > 0.0)
     }
 
-    /// The kind of its sums: the pose format if that is not float32, else "exact" if they are.
-    pub fn sums(&self) -> &str {
-        match (self.pose.as_str(), self.accumulate.as_str()) {
-            ("float32", "float") => "",
-            ("float32", sums) => sums,
-            (pose, _) => pose,
-        }
-    }
-
-    /// Its delta format and pose format: "fast", "fast fixed32".
-    pub fn formats(&self) -> String {
-        format!("{} {}", self.format, self.sums()).trim_end().into()
-    }
-
-    /// Its technique and format: "blocks fast".
+    /// Its technique and delta format: "blocks fixed16 fast".
     pub fn label(&self) -> String {
-        match self.technique.ends_with(&self.format) {
-            true => self.technique.clone(),
-            false => format!("{} {}", self.technique, self.format),
-        }
+        format!("{} {}", self.technique, self.format)
     }
 }
 
@@ -305,14 +232,15 @@ pub fn fastest<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Option<&'a 
     runs.into_iter().min_by(|a, b| a.median().total_cmp(&b.median()))
 }
 
-/// "1 head", "100 heads, each its own", "100 copies, one animation".
+/// "1 head", "100 heads", "100 copies".
 pub fn heads_words(heads: u32, shared: bool) -> String {
-    match (heads, shared) {
-        (1, false) => "1 head".into(),
-        (n, false) => format!("{n} heads, each its own"),
-        (1, true) => "1 copy".into(),
-        (n, true) => format!("{n} copies, one animation"),
-    }
+    let word = match (heads, shared) {
+        (1, false) => "head",
+        (_, false) => "heads",
+        (1, true) => "copy",
+        (_, true) => "copies",
+    };
+    format!("{heads} {word}")
 }
 
 /// What a cell's name says of its draws: nothing of one.

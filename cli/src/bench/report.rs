@@ -35,7 +35,7 @@ pub fn claim(dir: &Path) -> Result<(), Failure> {
 
 /// The columns of runs.csv: the fields of a run; `gpu_ms_median` is the field `median` of `gpu_ms`.
 const COLUMNS: &str = "suite cell technique mesh targets path mode format accumulate slots batch_size batch_max \
-    workload changed coefficients active heads shared draws crowds passes bytes_moved bytes_floor floor_ms \
+    workload changed coefficients active heads shared draws passes bytes_moved bytes_floor floor_ms \
     floor_fraction gpu_ms_median gpu_ms_mean gpu_ms_stderr gpu_ms_min gpu_ms_max gpu_ms_n \
     cpu_ms_median cpu_ms_mean cpu_ms_stderr cpu_ms_min cpu_ms_max cpu_ms_n draw_ms \
     update_and_draw_ms_median update_and_draw_ms_mean update_and_draw_ms_stderr update_and_draw_ms_min \

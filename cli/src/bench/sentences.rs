@@ -1,22 +1,29 @@
 //! The sentences that summarise a report, with numbers from its runs.
 
-use super::compare::ratios;
-use super::record::{Report, RunRecord, SuiteRecord, UNEVEN, fastest};
-use crate::table::{count, sig3, thousands};
+use super::record::{Report, RunRecord, UNEVEN, fastest};
+use super::stats::Stats;
+use crate::table::{sig3, thousands};
 use deltamorph::BatchSize;
 
-/// The most telling numbers.
+/// The most telling numbers. Each compares like with like: runs of one cell.
 pub fn sentences(report: &Report) -> Vec<String> {
-    let runs: Vec<&RunRecord> = report.runs.iter().filter(|r| r.counts()).collect();
-    let mut out: Vec<String> = match report.suites.is_empty() {
-        true => of_runs(&runs),
-        false => report.suites.iter().filter_map(of_suite).collect(),
-    };
-    let (all, wrong) = (report.runs.len(), report.runs.iter().filter(|r| !r.verified).count());
+    let (runs, all) = (&report.runs, report.runs.len());
+    // Rounds that disagree say nothing.
+    let timed: Vec<&RunRecord> = runs.iter().filter(|run| run.counts() && !run.uneven()).collect();
+    let mut cells: Vec<Vec<&RunRecord>> = vec![];
+    for run in timed {
+        match cells.iter_mut().find(|cell| (&cell[0].suite, &cell[0].cell) == (&run.suite, &run.cell)) {
+            Some(cell) => cell.push(run),
+            None => cells.push(vec![run]),
+        }
+    }
+    let of_cell = |cell: &Vec<&RunRecord>| [batching(cell), of_paths(cell)].into_iter().flatten();
+    let mut out: Vec<String> = cells.iter().flat_map(of_cell).collect();
+    let wrong = runs.iter().filter(|run| !run.verified).count();
     if wrong > 0 {
         out.push(format!("{wrong} of {all} configurations gave a wrong result and were not timed."));
     } else if all > 0 {
-        let worst = report.runs.iter().filter_map(|r| r.max_error_rel).fold(0.0, f64::max);
+        let worst = runs.iter().filter_map(|run| run.max_error_rel).fold(0.0, f64::max);
         let ran = if report.unmeasured.is_empty() { "" } else { " that could run" };
         out.push(format!(
             "All {} configurations{ran} match the float64 reference; the largest error is {} of the diagonal.",
@@ -24,7 +31,7 @@ pub fn sentences(report: &Report) -> Vec<String> {
             sig3(worst)
         ));
     }
-    let uneven = report.runs.iter().filter(|run| run.uneven()).count();
+    let uneven = runs.iter().filter(|run| run.uneven()).count();
     if uneven > 0 {
         out.push(format!(
             "The rounds of {uneven} of {all} configurations disagree by more than {UNEVEN} times (UNEVEN), as where other \
@@ -34,64 +41,53 @@ pub fn sentences(report: &Report) -> Vec<String> {
     out
 }
 
-/// How often `blocks` is the fastest path of the device, and by how much where it is the least.
-fn of_suite(suite: &SuiteRecord) -> Option<String> {
-    let ratios: Vec<f64> = suite.cells.iter().filter_map(|c| c.blocks_to_best_other).collect();
-    let wins = ratios.iter().filter(|r| **r <= 1.0).count();
-    let worst = ratios.iter().copied().reduce(f64::max)?;
-    let worst = match worst > 1.0 {
-        true => format!("in the worst the best other is {} times as fast", sig3(worst)),
-        false => format!("in the closest it is {} times as fast as the best other", sig3(1.0 / worst)),
-    };
-    let (title, cells) = (&suite.title, ratios.len());
-    Some(format!("{title}: blocks is the fastest GPU path in {wins} of {cells} cells; {worst}."))
+/// `a` over `b`: the median of the ratios of their rounds; the ratio of medians if they were not measured in turns.
+fn ratio(a: &RunRecord, b: &RunRecord) -> Option<f64> {
+    if a.alone || b.alone || a.rounds.is_empty() || b.rounds.is_empty() {
+        return Some(a.median() / b.median());
+    }
+    let ratios: Vec<f64> = a.rounds.iter().zip(&b.rounds).map(|(a, b)| a.ms / b.ms).collect();
+    Stats::of(&ratios).map(|ratios| ratios.median)
 }
 
-/// The runs of the first workload: gains of different ones do not compare. Rounds that disagree say nothing.
-fn of_runs(runs: &[&RunRecord]) -> Vec<String> {
-    let Some(first) = runs.first() else { return vec![] };
-    let same = |r: &&RunRecord| (&r.workload, r.heads, r.draws) == (&first.workload, first.heads, first.draws);
-    let runs: Vec<&RunRecord> = runs.iter().copied().filter(|run| same(run) && !run.uneven()).collect();
-    let most = runs.iter().map(|run| run.changed).fold(0.0, f64::max);
-    let hardest: Vec<&RunRecord> = runs.into_iter().filter(|run| run.changed == most).collect();
-    [batching(&hardest), of_paths(&hardest)].into_iter().flatten().collect()
-}
-
-/// Whether two runs of one workload differ in nothing but path, format and batch size.
-fn comparable(a: &RunRecord, b: &RunRecord) -> bool {
-    (&a.mode, a.sums(), a.slots, a.shared) == (&b.mode, b.sums(), b.slots, b.shared)
-}
-
-/// The gain of batching in the case with the largest one.
-fn batching(hardest: &[&RunRecord]) -> Option<String> {
-    let gain = |run: &&RunRecord| {
-        let single = hardest.iter().find(|one| {
-            let own = (&one.path, &one.format) == (&run.path, &run.format) && comparable(one, run);
-            own && one.batch_size == BatchSize::Targets(1)
-        })?;
-        // With as many passes as batch 1, a difference is noise.
+/// The largest gain of batching. With as many passes as batch 1, a difference is noise.
+fn batching(cell: &[&RunRecord]) -> Option<String> {
+    let gain = |run: &RunRecord| {
+        let alike = |one: &&&RunRecord| one.label() == run.label() && one.batch_size == BatchSize::Targets(1);
+        let single = cell.iter().find(alike)?;
         let several = run.batch_size != BatchSize::All && run.passes < single.passes;
-        ratios(single, run, |round| round.ms).filter(|_| several)
+        ratio(single, run).filter(|gain| several && *gain > 1.0)
     };
-    let gains = hardest.iter().filter_map(|run| Some((gain(run)?.median, run)));
-    let (gain, run) = gains.filter(|(gain, _)| *gain > 1.0).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    Some(format!("Batch {} is {gain:.1}× as fast as batch 1 on {} ({}).", run.batch_size, run.path, run.formats()))
+    let gains = cell.iter().filter_map(|run| Some((gain(run)?, run)));
+    let (gain, run) = gains.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (cell, batch, label) = (&run.cell, run.batch_size, run.label());
+    Some(format!("{cell}: batch {batch} is {gain:.1}× as fast as batch 1 on {label}."))
 }
 
-/// How the fastest path of the device compares with the best other one.
-fn of_paths(hardest: &[&RunRecord]) -> Option<String> {
-    let device: Vec<&RunRecord> = hardest.iter().copied().filter(|run| run.gpu_ms.is_some()).collect();
-    let rivals = |run: &RunRecord| {
-        let others = device.iter().copied().filter(|other| other.path != run.path && comparable(other, run));
-        fastest(others)
-    };
-    let best = fastest(device.iter().copied().filter(|run| rivals(run).is_some()))?;
-    let other = rivals(best)?;
-    let times = ratios(other, best, |round| round.ms)?.median;
-    let [name, rival] = [best, other].map(|run| format!("{} {}", run.path, run.formats()));
-    let (changed, targets) = (count(best.changed), best.targets);
-    Some(format!(
-        "With {changed} of {targets} targets changed, {name} is {times:.1}× as fast as the best other path of the device, \
-         {rival}."
-    ))
+/// How the fastest path of the device compares with the best other one: in the same pose format, if there is one.
+fn of_paths(cell: &[&RunRecord]) -> Option<String> {
+    let device = || cell.iter().copied().filter(|run| run.gpu_ms.is_some());
+    let best = fastest(device())?;
+    let others = || device().filter(|run| run.path != best.path);
+    let other = fastest(others().filter(|run| run.pose == best.pose)).or_else(|| fastest(others()))?;
+    let times = ratio(other, best)?;
+    let (cell, name, rival) = (&best.cell, best.label(), other.label());
+    Some(format!("{cell}: {name} is {times:.1}× as fast as the best other path of the device, {rival}."))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ratio;
+    use crate::bench::record::RunRecord;
+    use crate::bench::synthetic::technique as run;
+
+    #[test]
+    fn ratios_are_those_of_rounds() {
+        let (ours, other) = (run("blocks", &[1.0, 10.0, 1.0]), run("compute", &[2.0, 20.0, 3.0]));
+        assert_eq!(ratio(&ours, &other), Some(0.5), "not the third that medians give, nor what means do");
+        // Only rounds that both have.
+        assert_eq!(ratio(&run("direct", &[40.0, 500.0]), &ours), Some(45.0));
+        let alone = RunRecord { alone: true, ..other };
+        assert_eq!(ratio(&ours, &alone), Some(1.0 / 3.0), "medians, where there are no common rounds");
+    }
 }

@@ -1,21 +1,24 @@
-//! A mesh, and data computed once for all configurations: packed meshes, and float64 references.
+//! Meshes, and data computed once for all configurations: packed meshes, and float64 references.
 
 use super::machine::Machine;
 use crate::input::{Input, MeshInfo};
 use crate::output::Failure;
 use crate::runner::{Gpu, packed};
 use deltamorph::reference::{evaluate, evaluate_unpacked};
-use deltamorph::{DeltaFormat, MorphMesh, PackedMesh};
+use deltamorph::{DeltaFormat, PackedMesh};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
+/// The meshes of a scene, at least one, which are updated together.
 pub struct Subject {
-    pub input: Input,
-    /// The other meshes of a scene, which are updated together with this one.
-    pub others: Vec<Self>,
-    /// Whether it comes from a packed file, which lacks the original deltas.
+    parts: Vec<Part>,
+    /// Whether they come from a packed file, which lacks the original deltas.
     pub was_packed: bool,
+}
+
+struct Part {
+    input: Input,
     meshes: HashMap<DeltaFormat, Arc<PackedMesh>>,
     /// By format and the bits of the weights.
     references: HashMap<(DeltaFormat, Vec<u32>), Reference>,
@@ -31,68 +34,51 @@ pub struct Reference {
 const REFERENCES_MAX: usize = 64;
 
 impl Subject {
-    pub fn new(input: Input) -> Self {
-        let (meshes, references) = (HashMap::new(), HashMap::new());
-        Self { was_packed: input.packed.is_some(), input, others: vec![], meshes, references }
+    pub fn new(inputs: Vec<Input>, was_packed: bool) -> Self {
+        let part = |input| Part { input, meshes: HashMap::new(), references: HashMap::new() };
+        Self { parts: inputs.into_iter().map(part).collect(), was_packed }
     }
 
-    /// What reports say of the mesh, or of all meshes of a scene together.
+    /// What reports say of each mesh.
+    pub fn infos(&self) -> impl Iterator<Item = MeshInfo> {
+        self.parts.iter().map(|part| part.input.info())
+    }
+
+    /// What reports say of all meshes together.
     pub fn info(&self) -> MeshInfo {
-        let mut sum = self.input.info();
-        for (n, other) in (2..).zip(self.others.iter().map(|other| other.input.info())) {
-            sum.name = format!("{n} rigs");
+        let together = |mut sum: MeshInfo, other: MeshInfo| {
             let deltas = |mesh: &MeshInfo| (mesh.vertices * mesh.targets) as f64;
             let moved = sum.moved_mean * deltas(&sum) + other.moved_mean * deltas(&other);
             sum.moved_mean = moved / (deltas(&sum) + deltas(&other)).max(1.0);
             sum.vertices += other.vertices;
             sum.targets += other.targets;
             sum.triangles += other.triangles;
-        }
-        sum
-    }
-
-    /// The mesh with its first `targets` targets.
-    pub fn first_targets(&self, targets: usize) -> Self {
-        let first = |mesh: &MorphMesh| {
-            let mut mesh = mesh.clone();
-            mesh.targets.truncate(targets);
-            Arc::new(mesh)
+            sum.name = format!("{} rigs", self.parts.len());
+            sum
         };
-        let (name, origin) = (self.input.name.clone(), self.input.origin.clone());
-        let (raw, kept) = (first(&self.input.raw), first(&self.input.kept));
-        let input = Input { name, raw, kept, origin, ..Input::default() };
-        Self { was_packed: self.was_packed, ..Self::new(input) }
+        self.infos().reduce(together).unwrap_or_default()
     }
 
-    pub fn targets(&self) -> usize {
-        self.input.kept.targets.len()
-    }
-
-    /// The mesh in `format`, and after it those of a scene.
+    /// The meshes in `format`.
     pub fn meshes(&mut self, machine: &Machine<'_>, format: DeltaFormat) -> Result<Vec<Arc<PackedMesh>>, Failure> {
-        let pack = || packed(&self.input, machine.gpu.as_ref().map(Gpu::engine), format, &machine.args.update.pack);
-        let own = match self.meshes.entry(format) {
-            Entry::Occupied(known) => known.get().clone(),
-            Entry::Vacant(place) => place.insert(pack()?).clone(),
+        let engine = machine.gpu.as_ref().map(Gpu::engine);
+        let mesh = |part: &mut Part| match part.meshes.entry(format) {
+            Entry::Occupied(known) => Ok(known.get().clone()),
+            Entry::Vacant(place) => {
+                Ok(place.insert(packed(&part.input, engine, format, &machine.args.update.pack)?).clone())
+            }
         };
-        let mut all = vec![own];
-        for other in &mut self.others {
-            all.extend(other.meshes(machine, format)?);
-        }
-        Ok(all)
+        self.parts.iter_mut().map(mesh).collect()
     }
 
     /// The references of the pose of `mesh`, number `part` of [`meshes`](Self::meshes), at `weights`.
     pub fn reference(&mut self, part: usize, mesh: &PackedMesh, weights: &[f32]) -> &Reference {
-        if let Some(other) = part.checked_sub(1) {
-            return self.others[other].reference(0, mesh, weights);
-        }
+        let Part { input, references, .. } = &mut self.parts[part];
         let key = (mesh.layout().format, weights.iter().map(|w| w.to_bits()).collect());
-        if self.references.len() >= REFERENCES_MAX && !self.references.contains_key(&key) {
-            self.references.clear();
+        if references.len() >= REFERENCES_MAX && !references.contains_key(&key) {
+            references.clear();
         }
-        let raw = &self.input.raw;
-        let make = || Reference { packed: evaluate(mesh, weights), raw: evaluate_unpacked(raw, weights) };
-        self.references.entry(key).or_insert_with(make)
+        let make = || Reference { packed: evaluate(mesh, weights), raw: evaluate_unpacked(&input.raw, weights) };
+        references.entry(key).or_insert_with(make)
     }
 }

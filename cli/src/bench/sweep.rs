@@ -1,11 +1,8 @@
 //! The ordinary run: the configurations of each workload, measured in turns.
 
-use super::configs::{Config, Wanted, configurations};
-use super::interleave::Common;
-use super::record::{Report, Skipped, draws_words, heads_words};
+use super::configs::{Config, Wanted};
+use super::record::{Report, draws_words, heads_words};
 use super::session::Session;
-use super::subject::Subject;
-use super::trial::Candidate;
 use super::workload::{Setting, Workload};
 use crate::args::bench::BenchArgs;
 use crate::args::distinct_or;
@@ -13,7 +10,7 @@ use crate::args::values::BatchSpec::{self, All, Max, Range, Size};
 use crate::args::values::expand_changed;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
-use deltamorph::{BoundClip, DeltaFormat, PoseFormat, UpdatePath};
+use deltamorph::{BoundClip, PoseFormat, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 
 /// Batch sizes of the main comparison.
@@ -25,6 +22,8 @@ const FULL: [BatchSpec; 2] = [Range(1, None), All];
 const FULL_OF_FEW: [BatchSpec; 3] = [Size(8), Max, All];
 /// Default paths. Baselines have a suite of their own.
 const PATHS: [UpdatePath; 4] = [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::Blocks, UpdatePath::Cpu];
+/// Seconds to time a configuration for, by default.
+const SECONDS: f32 = 0.4;
 /// Default pose formats: the first, with `--full` both.
 const POSES: [PoseFormat; 2] = [PoseFormat::Float32, PoseFormat::Fixed32];
 
@@ -35,46 +34,42 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let changed = if args.full || !args.changed.is_empty() { &args.changed[..] } else { &main };
     let counts = expand_changed(changed, targets).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
-    let budget = args.update.budget(input.kept.diagonal);
-    let poses = if args.full { &POSES[..] } else { &POSES[..1] };
-    let poses = distinct_or(&args.update.poses, poses);
-    let mut session = Session::open(args, device, &input, out)?;
-    let [most, few] = if args.full { [&FULL[..], &FULL_OF_FEW] } else { [&MAIN[..], &MAIN] };
-    let (most, skipped) = wanted(&session, &poses, budget, most);
-    let (few, _) = wanted(&session, &poses, budget, few);
-    skipped.into_iter().for_each(|skipped| session.skip(skipped));
+    let mut session = Session::open(args, device, &input, SECONDS, out)?;
+    let poses = distinct_or(&args.update.poses, if args.full { &POSES } else { &POSES[..1] });
+    let mut configs = |sizes| {
+        session.configurations(&Wanted {
+            paths: &args.update.paths_or(&PATHS),
+            poses: &poses,
+            modes: &args.update.modes,
+            sizes: if args.batch_sizes.is_empty() { sizes } else { &args.batch_sizes },
+            error_budget: args.update.budget(input.kept.diagonal),
+        })
+    };
+    let [most, few]: [Vec<Config>; 2] =
+        if args.full { [&FULL[..], &FULL_OF_FEW] } else { [&MAIN[..]; 2] }.map(&mut configs);
 
     let random = |&n: &usize| Workload::random(targets, n, args.input.seed);
     let workloads: Vec<Workload> = counts.iter().map(random).chain(clips.iter().map(Workload::clip)).collect();
     // If a path evaluates in draws, all configurations draw.
     let drawn = most.iter().any(|config| config.desc.path.evaluates_in_draws());
-    let shared = args.shared;
     let mut settings = vec![];
     for heads in args.heads_or(&[1]) {
         for passes in args.draws_or(drawn.into()) {
-            let setting = |workload| Setting { workload, others: &[], heads, shared, passes, brief: false };
-            settings.extend(workloads.iter().map(setting));
+            let setting = |workloads| Setting { workloads, heads, shared: args.shared, passes, brief: false };
+            settings.extend(workloads.chunks(1).map(setting));
         }
     }
     session.planned = settings.len();
-    let mut subject = Subject::new(input);
+    let mut subject = session.scene(vec![input]);
     for setting in &settings {
-        let changed = setting.workload.changed;
+        let Workload { name, changed, .. } = setting.first();
         let configs = if changed.is_some_and(|n| Some(&n) != counts.last()) { &few } else { &most };
         let work = match changed {
             Some(n) => format!("{n} of {targets} targets changed"),
-            None => format!("clip {}", setting.workload.name),
+            None => format!("clip {name}"),
         };
         let cell = format!("{work}, {}{}", heads_words(setting.heads, setting.shared), draws_words(setting.passes));
-        let name = |config: &Config| {
-            let pose =
-                if config.desc.pose.has_integers() { format!(" {}", config.desc.pose.name()) } else { String::new() };
-            let (path, format) = (config.desc.path.name(), config.format.name());
-            format!("{path} {format}{pose} batch {}", config.desc.batch)
-        };
-        let candidates: Vec<_> = configs.iter().map(|config| Candidate::new(&name(config), config, setting)).collect();
-        let schedule = session.schedule(if changed.is_some() { Common::Nothing } else { Common::Frames });
-        session.measure(&mut subject, &cell, &candidates, &schedule)?;
+        session.measure(&mut subject, &cell, configs, setting)?;
     }
     let mut report = session.report();
     let named = clips.iter().filter(|_| !args.weights.is_empty()).map(|clip| clip.name.clone());
@@ -97,23 +92,4 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
         clips.push(clip);
     }
     Ok(clips)
-}
-
-/// The configurations that can run, and those requested that cannot, with the reason.
-fn wanted(
-    session: &Session<'_>,
-    poses: &[PoseFormat],
-    error_budget: f32,
-    sizes: &[BatchSpec],
-) -> (Vec<Config>, Vec<Skipped>) {
-    let (args, update) = (session.args, &session.args.update);
-    let wanted = Wanted {
-        paths: &update.paths_or(&PATHS),
-        formats: if update.formats.is_empty() { &DeltaFormat::ALL } else { &update.formats },
-        poses,
-        modes: &update.modes,
-        sizes: if args.batch_sizes.is_empty() { sizes } else { &args.batch_sizes },
-        error_budget,
-    };
-    configurations(&wanted, args, session.machine.gpu.as_ref())
 }

@@ -19,50 +19,11 @@ const DRAWS: usize = 9;
 /// Frames before the first comparison of a brief setting: each of two slots has been source and destination.
 const BRIEF_CHECK: usize = 2;
 
-/// A configuration, and the setting to measure it in.
-pub struct Candidate<'a> {
-    /// Its name, if it is refused.
-    pub what: String,
-    pub config: Config,
-    pub setting: &'a Setting<'a>,
-}
-
-impl<'a> Candidate<'a> {
-    pub fn new(what: &str, config: &Config, setting: &'a Setting<'a>) -> Self {
-        Self { what: what.into(), config: config.clone(), setting }
-    }
-
-    /// Its record before measurement.
-    fn record(&self, subject: &Subject) -> RunRecord {
-        let mesh = subject.info();
-        let Self { config: Config { desc, format, batch_max, separate, .. }, setting, .. } = self;
-        RunRecord {
-            mesh: mesh.name,
-            targets: mesh.targets,
-            path: desc.path.name().into(),
-            mode: desc.mode.name().into(),
-            batch_size: desc.batch,
-            batch_max: *batch_max,
-            workload: setting.workload.name.clone(),
-            changed: setting.workload.changed.unwrap_or(0) as f64,
-            heads: setting.heads,
-            shared: setting.shared,
-            draws: setting.passes,
-            crowds: if *separate { setting.updated() } else { 1 },
-            accumulate: accumulate(desc).into(),
-            pose: desc.pose.name().into(),
-            error_budget: desc.error_budget,
-            format: format.name().into(),
-            slots: desc.slots,
-            ..RunRecord::default()
-        }
-    }
-}
-
 /// A configuration under measurement.
 pub struct Trial<'a> {
     machine: &'a Machine<'a>,
-    candidate: &'a Candidate<'a>,
+    config: &'a Config,
+    setting: &'a Setting<'a>,
     /// The meshes, each with what its path promises.
     parts: Vec<(Arc<PackedMesh>, Promise)>,
     runner: Runner<'a>,
@@ -81,11 +42,36 @@ pub struct Trial<'a> {
 /// Number and measurements of a timed frame.
 type Timed = (usize, Frame);
 
+/// The record of a configuration before its measurement.
+fn record(config: &Config, setting: &Setting<'_>, subject: &Subject) -> RunRecord {
+    let (mesh, desc, workload) = (subject.info(), &config.desc, setting.first());
+    RunRecord {
+        technique: config.technique(),
+        mesh: mesh.name,
+        targets: mesh.targets,
+        path: desc.path.name().into(),
+        mode: desc.mode.name().into(),
+        batch_size: desc.batch,
+        batch_max: config.batch_max,
+        workload: workload.name.clone(),
+        changed: workload.changed.unwrap_or(0) as f64,
+        heads: setting.heads,
+        shared: setting.shared,
+        draws: setting.passes,
+        accumulate: accumulate(desc).into(),
+        pose: desc.pose.name().into(),
+        error_budget: desc.error_budget,
+        format: config.format.name().into(),
+        slots: desc.slots,
+        ..RunRecord::default()
+    }
+}
+
 impl<'a> Trial<'a> {
     /// Runs to the checkpoints, and compares with the reference there. `parts`: what the runner was made with.
     pub fn begin(
         machine: &'a Machine<'a>,
-        candidate: &'a Candidate<'a>,
+        (config, setting): (&'a Config, &'a Setting<'a>),
         subject: &mut Subject,
         parts: Vec<(Arc<PackedMesh>, UpdateDesc)>,
         runner: Runner<'a>,
@@ -97,26 +83,26 @@ impl<'a> Trial<'a> {
         let parts: Vec<_> = parts.into_iter().map(promise).collect();
         let mut trial = Self {
             machine,
-            candidate,
+            config,
+            setting,
             promise: parts[0].1,
             parts,
             runner,
             found: Found::default(),
             additions: 0,
-            record: candidate.record(subject),
+            record: record(config, setting, subject),
             frame: 0,
             timed: vec![],
             spent: Duration::ZERO,
         };
-        let setting = candidate.setting;
         trial.step(0, Draws::default())?;
-        for &checkpoint in if setting.brief { &[BRIEF_CHECK] } else { &setting.workload.checkpoints[..] } {
+        for &checkpoint in if setting.brief { &[BRIEF_CHECK] } else { &setting.first().checkpoints[..] } {
             for frame in trial.frame + 1..=checkpoint {
                 trial.step(frame, Draws::default())?;
             }
             trial.verify(subject)?;
         }
-        trial.frame %= setting.workload.period();
+        trial.frame %= setting.first().period();
         Ok(trial)
     }
 
@@ -127,8 +113,7 @@ impl<'a> Trial<'a> {
 
     /// Its runner, if that has the mesh of `config` as its path needs it.
     pub fn runner_for(&self, config: &Config) -> Option<&Runner<'a>> {
-        let own = &self.candidate.config;
-        let same = (own.desc.path, own.format) == (config.desc.path, config.format);
+        let same = (self.config.desc.path, self.config.format) == (config.desc.path, config.format);
         (same && self.parts.len() == 1).then_some(&self.runner)
     }
 
@@ -138,31 +123,29 @@ impl<'a> Trial<'a> {
     }
 
     /// Runs untimed frames like timed ones; returns the duration of the last.
-    pub fn warm_up(&mut self, limit: Option<Duration>) -> Result<Duration> {
-        Ok(self.run(self.machine.args.warmup, limit, Duration::ZERO)?.1)
+    pub fn warm_up(&mut self, limit: Duration) -> Result<Duration> {
+        Ok(self.run(self.machine.args.warmup, Some(limit))?.1)
     }
 
     /// Continues at this part of the workload. As many frames as there are slots to replace are not timed.
     pub fn jump(&mut self, part: usize, parts: usize) -> Result<()> {
-        let frame = self.candidate.setting.workload.period() * part / parts;
+        let frame = self.setting.first().period() * part / parts;
         (0..self.record.slots as usize).try_for_each(|i| self.step(frame + i, Draws::default()).map(drop))
     }
 
     /// Times `frames` more.
-    pub fn round(&mut self, frames: usize, limit: Option<Duration>, least: Duration) -> Result<()> {
+    pub fn round(&mut self, frames: usize, limit: Option<Duration>) -> Result<()> {
         let begun = Instant::now();
-        let (timed, _) = self.run(frames, limit, least)?;
+        let (timed, _) = self.run(frames, limit)?;
         self.spent += begun.elapsed();
         self.record.rounds.extend(summary(&timed));
         self.timed.extend(timed);
         Ok(())
     }
 
-    /// Runs frames up to `limit`, at least one, each padded to `least`; also returns the last one's duration without
-    /// padding.
-    fn run(&mut self, frames: usize, limit: Option<Duration>, least: Duration) -> Result<(Vec<Timed>, Duration)> {
-        let setting = self.candidate.setting;
-        let draws = setting.draws(setting.passes);
+    /// Runs frames up to `limit`, at least one; also returns the last one's duration.
+    fn run(&mut self, frames: usize, limit: Option<Duration>) -> Result<(Vec<Timed>, Duration)> {
+        let draws = self.setting.draws(self.setting.passes);
         let (begun, mut done, mut last) = (Instant::now(), vec![], Duration::ZERO);
         for i in 0..frames {
             if i > 0 && limit.is_some_and(|limit| begun.elapsed() >= limit) {
@@ -171,10 +154,6 @@ impl<'a> Trial<'a> {
             let start = Instant::now();
             let frame = self.step(self.frame + 1, draws)?;
             last = start.elapsed();
-            // A sleep of zero would yield the processor too, and the next frame would begin with cold caches.
-            if last < least {
-                std::thread::sleep(least - last);
-            }
             done.push((self.frame, frame));
         }
         Ok((done, last))
@@ -182,17 +161,16 @@ impl<'a> Trial<'a> {
 
     fn step(&mut self, frame: usize, draws: Draws) -> Result<Frame> {
         self.runner.seek(frame);
-        let step = self.runner.step(&self.candidate.setting.weights(frame), draws)?;
+        let step = self.runner.step(&self.setting.weights(frame), draws)?;
         self.frame = frame;
         self.found.bound = self.found.bound.max(f64::from(step.stats.bound));
-        self.additions = self.promise.additions(self.additions, &step.stats, self.candidate.setting.updated());
+        self.additions = self.promise.additions(self.additions, &step.stats, self.setting.updated());
         Ok(step)
     }
 
     /// Compares the first and the last instance of each mesh with the reference.
     fn verify(&mut self, subject: &mut Subject) -> Result<()> {
-        let setting = self.candidate.setting;
-        let (each, all) = (setting.each(), setting.weights(self.frame));
+        let (each, all) = (self.setting.each(), self.setting.weights(self.frame));
         for (part, (mesh, promise)) in self.parts.iter().enumerate() {
             let first = part as u32 * each;
             let last = first + each - 1;
@@ -203,7 +181,7 @@ impl<'a> Trial<'a> {
                 let found = promise.find(&pose, &reference.packed, &weights);
                 let raw = compare(&pose, &reference.raw);
                 // If the device plans, the number of active targets in each block is unknown.
-                let bound = if self.candidate.config.animated { promise.rounding(&weights)[0] } else { 0.0 };
+                let bound = if self.config.animated { promise.rounding(&weights)[0] } else { 0.0 };
                 self.found = self.found.max(Found { raw, bound, additions: self.additions, ..found });
             }
         }
@@ -235,7 +213,7 @@ impl<'a> Trial<'a> {
     }
 
     fn sum_up(&mut self) -> Result<()> {
-        let (record, timed, setting) = (&mut self.record, &self.timed, self.candidate.setting);
+        let (record, timed, setting) = (&mut self.record, &self.timed, self.setting);
         let (mut sum, mut changed, mut active) = (UpdateStats::default(), 0, 0);
         for (frame, step) in timed {
             sum += step.stats;
@@ -272,7 +250,7 @@ impl<'a> Trial<'a> {
         };
         let best = rates.into_iter().flatten().reduce(f64::max);
         // Medians, like the time shown beside it. No share if most frames of a clip change nothing.
-        let best = best.filter(|_| !self.candidate.config.desc.path.evaluates_in_draws());
+        let best = best.filter(|_| !self.config.desc.path.evaluates_in_draws());
         let bytes = times(timed, |frame| Some(frame.stats.bytes_floor as f64)).map(|bytes| bytes.median);
         record.floor_ms = bytes.filter(|bytes| *bytes > 0.0).zip(best).map(|(bytes, gb_s)| bytes / (gb_s * 1e6));
         let update = record.gpu_ms.or(record.cpu_ms).map(|t| t.median).filter(|t| *t > 0.0);

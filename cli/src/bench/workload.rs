@@ -5,7 +5,7 @@ use deltamorph_headless::Draws;
 
 /// Weights of every instance in every frame. Independent of path, batch size and format.
 pub struct Workload {
-    /// "random", "few", "constant", or the clip's name.
+    /// "random", "few", or the clip's name.
     pub name: String,
     /// Targets that change per frame and instance, as requested; `None` for clips.
     pub changed: Option<usize>,
@@ -67,17 +67,13 @@ impl Workload {
         Self { name: "random".into(), changed: Some(changed), checkpoints, frames, ahead: 37, turned: 0 }
     }
 
-    /// `active` of `targets`, different ones for each instance, get a new weight in every frame; the others are 0.
-    pub fn few(targets: usize, active: usize, seed: u64) -> Self {
-        Self { name: "few".into(), ..Self::constant(targets, 0, active, seed) }
-    }
-
-    /// Like [`few`](Self::few), with `held` of the other targets at a weight in (0, 1] that never changes.
-    pub fn constant(targets: usize, held: usize, active: usize, seed: u64) -> Self {
+    /// `active` of `targets`, different ones for each instance, get a new weight in every frame, and `held` of the
+    /// others have a weight in (0, 1] that never changes; the rest are 0.
+    pub fn few(targets: usize, active: usize, held: usize, seed: u64) -> Self {
         let active = active.min(targets);
         let mut state = seed ^ 0xA076_1D64_78BD_642F;
         let first = next(&mut state) as usize % targets.max(1);
-        let (name, moving) = ("constant".into(), Self::random(active, active, seed));
+        let (name, moving) = ("few".into(), Self::random(active, active, seed));
         // Spread over the face: targets next to each other in the list move neighbouring vertices.
         let places: Vec<usize> = (0..active).map(|i| (first + i * targets / active) % targets).collect();
         let free: Vec<usize> = (0..targets).filter(|target| !places.contains(target)).collect();
@@ -140,12 +136,11 @@ fn next(state: &mut u64) -> u64 {
 /// The conditions of a measurement, except the configuration.
 #[derive(Clone, Copy)]
 pub struct Setting<'a> {
-    pub workload: &'a Workload,
-    /// Those of the other meshes of a scene, each for as many instances.
-    pub others: &'a [Workload],
+    /// A workload for each mesh, at least one; each for as many instances.
+    pub workloads: &'a [Workload],
     /// Number of instances, of all meshes together: each with its own weights, unless `shared`.
     pub heads: u32,
-    /// One animation: one instance is updated, and its pose drawn for each.
+    /// One animation: one instance of each mesh is updated, and its pose drawn for all.
     pub shared: bool,
     /// Passes that draw each instance after the update of every frame, without rasterizing: the last one reads whole
     /// vertices, those before it positions alone.
@@ -154,35 +149,24 @@ pub struct Setting<'a> {
     pub brief: bool,
 }
 
-impl<'a> Setting<'a> {
-    /// The setting of suites: instances with their own weights, drawn, checked after a few frames.
-    pub fn of_suite(workload: &'a Workload, heads: u32, passes: u32) -> Self {
-        Self::of_scene(std::slice::from_ref(workload), heads, passes)
-    }
-
-    /// Like [`of_suite`](Self::of_suite), with a workload for each mesh of a scene, and as many instances of each.
-    pub fn of_scene(workloads: &'a [Workload], heads: u32, passes: u32) -> Self {
-        let heads = heads.next_multiple_of(workloads.len() as u32);
-        Self { workload: &workloads[0], others: &workloads[1..], heads, shared: false, passes, brief: true }
+impl Setting<'_> {
+    /// The workload of the first mesh.
+    pub fn first(&self) -> &Workload {
+        &self.workloads[0]
     }
 
     pub fn updated(&self) -> u32 {
-        if self.shared { 1 } else { self.heads }
+        if self.shared { self.workloads.len() as u32 } else { self.heads }
     }
 
     /// The draws of updated instances in `passes`.
     pub fn draws(&self, passes: u32) -> Draws {
-        Draws { copies: if self.shared { self.heads } else { 1 }, passes }
-    }
-
-    /// The workload of each mesh.
-    pub fn workloads(&self) -> impl Iterator<Item = &Workload> {
-        std::iter::once(self.workload).chain(self.others)
+        Draws { copies: self.heads / self.updated(), passes }
     }
 
     /// Updated instances of each mesh.
     pub fn each(&self) -> u32 {
-        self.updated() / (1 + self.others.len() as u32)
+        self.updated() / self.workloads.len() as u32
     }
 
     /// The weights of each updated instance: those of the first mesh, then those of the next.
@@ -191,7 +175,7 @@ impl<'a> Setting<'a> {
         let of_mesh = |(part, own): (u32, &Workload)| -> Vec<_> {
             (part * each..(part + 1) * each).map(|head| own.weights(head, frame)).collect()
         };
-        (0..).zip(self.workloads()).flat_map(of_mesh).collect()
+        (0..).zip(self.workloads).flat_map(of_mesh).collect()
     }
 }
 
@@ -202,8 +186,8 @@ mod tests {
     #[test]
     fn just_as_many_targets_change_and_are_active_as_asked_for() {
         let all = |changed| (Workload::random(72, changed, 3), changed, 72);
-        let few = |targets, active: usize| (Workload::few(targets, 4, 3), active, active);
-        let held = |targets, held, changed, all| (Workload::constant(targets, held, changed, 3), changed, all);
+        let few = |targets, active: usize| (Workload::few(targets, 4, 0, 3), active, active);
+        let held = |targets, held, changed, all| (Workload::few(targets, changed, held, 3), changed, all);
         let few = [few(72, 4), few(12, 4), few(3, 3), few(4, 4)];
         let held = [held(72, 28, 4, 32), held(72, 28, 0, 28), held(72, 0, 0, 0), held(12, 28, 4, 12), held(3, 2, 3, 3)];
         let cases = [all(0), all(1), all(8), all(72)].into_iter().chain(few).chain(held);
@@ -219,10 +203,10 @@ mod tests {
         }
         assert_eq!(Workload::random(72, 8, 3).frames, Workload::random(72, 8, 3).frames);
         assert_ne!(Workload::random(72, 8, 3).frames, Workload::random(72, 8, 4).frames);
-        let few = Workload::few(72, 4, 3);
+        let few = Workload::few(72, 4, 0, 3);
         let active = |head| few.weights(head, 0).iter().map(|w| *w != 0.0).collect::<Vec<_>>();
         assert_ne!(active(0), active(1));
-        for none in [Workload::random(0, 0, 1), Workload::few(0, 4, 3)] {
+        for none in [Workload::random(0, 0, 1), Workload::few(0, 4, 0, 3)] {
             assert!(none.weights(2, 5).is_empty());
         }
     }

@@ -3,6 +3,7 @@
 use crate::cli::{HEAD, deltamorph, json, without_drivers};
 use serde_json::Value;
 use std::path::Path;
+use std::process::Command;
 
 /// The report in the page of a folder, after the checks that all pages have to pass: it is that of report.json, and the
 /// page loads nothing and links to nothing but the two files beside it.
@@ -69,6 +70,18 @@ fn bench_verifies_measures_and_draws() {
     }
 }
 
+/// The page as Chromium draws it, if there is one.
+fn drawn(folder: &Path) -> Option<String> {
+    let options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=5000", "--dump-dom"];
+    let page = format!("file://{}", folder.join("index.html").display());
+    let browser = Command::new("chromium").args(options).arg(page).output();
+    let Ok(browser) = browser else {
+        eprintln!("LEFT OUT: there is no chromium to draw the page");
+        return None;
+    };
+    Some(String::from_utf8(browser.stdout).unwrap())
+}
+
 #[test]
 fn the_main_comparison_is_brief_and_prints_as_it_goes() {
     let folder = tempfile::tempdir().unwrap();
@@ -101,6 +114,13 @@ fn the_main_comparison_is_brief_and_prints_as_it_goes() {
     assert_eq!(said.matches("× UNEVEN").count(), uneven, "{said}");
     assert_eq!(said.contains(&format!("The rounds of {uneven} of {}", runs.len())), uneven > 0, "{said}");
     assert_eq!(said.matches("ms/frame").count(), 2, "a table for each group: {said}");
+    let Some(page) = drawn(&report) else { return };
+    let body = page.rsplit_once("</script>").unwrap().1;
+    assert_eq!(body.matches("<tr").count(), 1 + runs.len(), "a row for each run, below the headings: {body}");
+    for plot in ["8 of 12 targets changed, 1 head: batches", "12 of 12 targets changed, 1 head: batches"] {
+        assert!(body.matches(&format!("<figcaption>{plot}</figcaption>")).count() == 2, "{plot}: {body}");
+    }
+    assert!(body.contains("1 head: against targets changed") && body.contains("report.json</a>"), "{body}");
 }
 
 #[test]

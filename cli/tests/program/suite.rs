@@ -44,91 +44,97 @@ fn names(out: &Value, field: &str) -> BTreeSet<String> {
     out["runs"].as_array().unwrap().iter().map(|run| run[field].as_str().unwrap().to_owned()).collect()
 }
 
+/// The cells of a suite, in the order measured.
+fn cells(out: &Value) -> Vec<&str> {
+    let mut cells: Vec<&str> =
+        out["runs"].as_array().unwrap().iter().map(|run| run["cell"].as_str().unwrap()).collect();
+    cells.dedup();
+    cells
+}
+
 #[test]
-fn crowd_counts_targets_for_one_head_and_many() {
+fn crowd_counts_targets_and_heads() {
     let folder = tempfile::tempdir().unwrap();
-    let out = suite("crowd", &SMALL.split(' ').collect::<Vec<_>>(), folder.path());
+    let small: Vec<&str> = SMALL.split(' ').collect();
+    let out = suite("crowd", &small, folder.path());
     let runs = out["runs"].as_array().unwrap();
     for path in ["feedback", "compute", "blocks", "cpu"] {
-        for (heads, shared) in [(1, false), (3, false), (3, true)] {
-            let own = runs.iter().filter(|r| {
-                let point = r["cell"].as_str().unwrap().ends_with(" targets");
-                point && r["technique"] == path && r["heads"] == heads && r["shared"] == shared
-            });
+        for heads in [1, 3] {
+            let sparse = |run: &Value| run["mesh"].as_str().unwrap().contains("% sparse, ");
+            let own = runs.iter().filter(|r| r["technique"] == path && r["heads"] == heads && sparse(r));
             let targets: Vec<u64> = own.clone().map(|r| r["targets"].as_u64().unwrap()).collect();
-            assert_eq!(targets, [2, 4, 6, 8, 10, 12], "{path}, {heads} heads, shared: {shared}");
+            assert_eq!(targets, [2, 4, 6, 8, 10, 12], "{path}, {heads} heads");
             for run in own {
                 assert_eq!(run["changed"], run["targets"], "all that are kept change: {run}");
                 assert_eq!(run["gpu_ms"].is_null(), path == "cpu", "{run}");
             }
         }
     }
-    // One animation moves the same bytes for three copies as for one; three animations move three times as many.
-    let bytes = |heads: u64, shared: bool| {
-        let at = |r: &&Value| r["technique"] == "compute" && r["targets"] == 12 && r["heads"] == heads;
-        let run =
-            runs.iter().find(|r| at(r) && r["shared"] == shared && r["cell"].as_str().unwrap().ends_with("targets"));
-        run.unwrap()["bytes_moved"].as_f64().unwrap()
-    };
-    assert_eq!((bytes(3, true), bytes(3, false)), (bytes(1, false), 3.0 * bytes(1, false)));
-
-    let split: Vec<&Value> = runs.iter().filter(|r| r["crowds"] == 3).collect();
-    assert_eq!(split.len(), 2);
-    for run in split {
-        let whole = runs.iter().find(|r| r["cell"] == run["cell"] && r["crowds"] == 1).unwrap();
-        for field in ["heads", "changed", "coefficients", "dirty_blocks"] {
-            assert_eq!(run[field], whole[field], "{field}: not the same work");
+    // Crowds of a smaller face, planned by the processor and animated on the device.
+    for heads in [1, 3] {
+        let own = |r: &&Value| r["cell"].as_str().unwrap().contains("12 targets, 4 of 12") && r["heads"] == heads;
+        let own: BTreeSet<&str> = runs.iter().filter(own).map(|run| run["technique"].as_str().unwrap()).collect();
+        for name in ["blocks fixed16", "blocks fixed16 animated", "compute rebuild"] {
+            assert!(own.contains(name), "{name}, {heads} heads: {own:?}");
         }
     }
+
+    // One animation moves the same bytes for three copies as for one.
+    let one = [&small[..], &["--paths", "blocks", "--formats", "fast"]].concat();
+    let [own, shared] = [&[][..], &["--shared"]].map(|more| suite("crowd", &[&one[..], more].concat(), folder.path()));
+    let bytes = |out: &Value, heads: u64| {
+        let at = |r: &&Value| r["technique"] == "blocks" && r["targets"] == 12 && r["heads"] == heads;
+        out["runs"].as_array().unwrap().iter().find(at).unwrap()["bytes_moved"].as_f64().unwrap()
+    };
+    assert_eq!((bytes(&shared, 3), bytes(&shared, 1)), (bytes(&own, 1), bytes(&own, 1)));
+    assert!(bytes(&own, 3) > 1.5 * bytes(&own, 1), "each of three has its own pose");
 }
 
 #[test]
 fn techniques_compete_in_every_cell() {
     let folder = tempfile::tempdir().unwrap();
     let out = suite("techniques", &SMALL.split(' ').collect::<Vec<_>>(), folder.path());
-    let cells = out["suites"][0]["cells"].as_array().unwrap();
-    let found: Vec<&str> = cells.iter().map(|c| c["name"].as_str().unwrap()).collect();
     let mut expected = vec![];
     for mesh in ["dense", "8% sparse"] {
         for change in ["all 12 changed", "8 of 12 changed", "4 non-zero of 12"] {
             expected.extend(["1 head", "3 heads"].map(|heads| format!("{mesh}, {change}, {heads}")));
         }
     }
-    assert_eq!(found, expected);
-    let techniques = names(&out, "technique");
-    for name in ["feedback", "feedback rebuild at batch 1", "compute", "compute rebuild", "blocks", "cpu"] {
-        assert!(techniques.contains(name), "{name}: {techniques:?}");
-    }
+    assert_eq!(cells(&out), expected);
     let runs = out["runs"].as_array().unwrap();
-    for cell in cells {
-        let own: Vec<&Value> = runs.iter().filter(|r| r["cell"] == cell["name"]).collect();
-        assert!(own.len() >= 6, "{}: {} runs", cell["name"], own.len());
-        assert!(own.iter().all(|run| run["alone"] == false && run["heads"] == cell["heads"]), "{own:?}");
-        assert!(cell["fastest"] == cell["blocks"] || cell["fastest"] == cell["best_other"], "{cell}");
+    for cell in &expected {
+        let own = || runs.iter().filter(|run| run["cell"] == **cell);
+        assert!(own().all(|run| run["alone"] == false), "{cell}");
+        let techniques: BTreeSet<&str> = own().map(|run| run["technique"].as_str().unwrap()).collect();
+        for name in ["feedback", "feedback rebuild", "compute", "compute rebuild", "blocks", "cpu"] {
+            assert!(techniques.contains(name), "{cell}, {name}: {techniques:?}");
+        }
+        // Rounds that disagree are compared with nothing.
+        let even = own().filter(|run| run["path"] != "cpu" && run["rounds_ratio"].as_f64().unwrap_or(1.0) <= 1.5);
+        let paths: BTreeSet<&str> = even.map(|run| run["path"].as_str().unwrap()).collect();
+        let told = out["findings"].as_array().unwrap().iter().any(|told| told.as_str().unwrap().starts_with(cell));
+        assert!(told || paths.len() < 2, "{cell}: {}", out["findings"]);
     }
 }
 
 #[test]
 fn updates_pay_for_animated_weights_and_rebuilds_for_constant_ones_too() {
     let folder = tempfile::tempdir().unwrap();
-    let sizes = "--device llvmpipe --vertices 300 --targets 6 --frames 3 --time-limit 0.01 --quiet";
-    let paths = ["--paths", "blocks,compute", "--formats", "fast,float32"];
-    let out = suite("constant", &[&sizes.split(' ').collect::<Vec<_>>(), &paths[..]].concat(), folder.path());
-    let cells = out["suites"][0]["cells"].as_array().unwrap();
-    let counts = [(0, 0), (6, 0), (0, 4), (2, 4), (0, 6)];
-    assert_eq!(cells.len(), 2 * counts.len());
-    for (cell, (held, animated)) in cells.iter().zip([counts, counts].concat()) {
-        assert_eq!(cell["change"], format!("{held} constant, {animated} animated"));
-        let bytes = |technique: &str| {
-            let own = |r: &&Value| r["cell"] == cell["name"] && r["technique"] == technique;
-            let run = out["runs"].as_array().unwrap().iter().find(own).unwrap();
-            assert!(run["changed"] == animated && run["active"] == held + animated, "{run}");
-            run["bytes_moved"].as_f64().unwrap()
-        };
-        let [compute, rebuild] = ["compute", "compute rebuild"].map(bytes);
-        let blocks = ["blocks", "blocks fixed32"].map(bytes);
-        assert!([compute, rebuild].iter().chain(&blocks).all(|bytes| (*bytes > 0.0) == (animated > 0)), "{cell}");
-        assert_eq!(rebuild > compute, held > 0 && animated > 0, "{cell}: {rebuild} {compute}");
+    let sizes = "--device llvmpipe --vertices 300 --targets 6 --frames 3 --time-limit 0.01 --heads 1 --quiet";
+    let more = "--paths blocks,compute --formats fast,float32 --constant 0,2,9";
+    let out = suite("techniques", &sizes.split(' ').chain(more.split(' ')).collect::<Vec<_>>(), folder.path());
+    for mesh in ["dense", "8% sparse"] {
+        for (change, constant) in [("4 non-zero of 6", 0), ("4 of 6 changed, 2 constant", 2)] {
+            let bytes = |technique: &str| {
+                let cell = format!("{mesh}, {change}, 1 head");
+                let own = |r: &&Value| r["cell"] == cell && r["technique"] == technique;
+                let run = out["runs"].as_array().unwrap().iter().find(own).unwrap();
+                assert!(run["changed"] == 4 && run["active"] == constant + 4, "{run}");
+                run["bytes_moved"].as_f64().unwrap()
+            };
+            let [blocks, compute, rebuild] = ["blocks", "compute", "compute rebuild"].map(bytes);
+            assert!(blocks > 0.0 && (rebuild > compute) == (constant > 0), "{change}: {blocks} {rebuild} {compute}");
+        }
     }
 }
 
@@ -139,19 +145,12 @@ fn faces_of_four_rigs_are_one_scene() {
         "--device llvmpipe --vertices 800 --targets 20 --frames 3 --time-limit 0.01 --heads 5 --draws 1,3 --quiet";
     let report = || suite("faces", &sizes.split(' ').collect::<Vec<_>>(), folder.path());
     let out = report();
-    let cells = out["suites"][0]["cells"].as_array().unwrap();
-    let named: Vec<_> =
-        cells.iter().map(|cell| cell["name"].as_str().unwrap().rsplit_once("8 heads").unwrap().1).collect();
-    assert_eq!(named, ["", ", 3 draws"]);
-    for cell in cells {
-        assert_eq!((&cell["mesh"], &cell["heads"]), (&"4 rigs".into(), &8.into()), "as many of each rig");
+    let scene = "4 rigs, a clip of 72 columns, 8 heads";
+    assert_eq!(cells(&out), ["", ", 3 draws"].map(|draws| format!("{scene}{draws}")), "as many of each rig");
+    let techniques = names(&out, "technique");
+    for name in ["blocks fixed16", "blocks fixed16 animated", "compute rebuild", "direct"] {
+        assert!(techniques.contains(name), "{name}: {techniques:?}");
     }
-    assert_eq!(
-        names(&out, "technique"),
-        ["blocks fixed16 animated", "blocks fixed16 fast", "blocks fixed16 small", "compute rebuild", "direct"]
-            .map(String::from)
-            .into()
-    );
     // All run the same frames, and every rebuild reads what is active of each face.
     let runs = out["runs"].as_array().unwrap();
     assert!(runs.iter().all(|run| run["active"] == runs[0]["active"] && run["targets"] == 68), "{out}");
@@ -173,16 +172,16 @@ fn clips_come_from_the_input_or_from_the_data_sets() {
     let brief =
         ["--device", "llvmpipe", "--frames", "4", "--time-limit", "0.2", "--paths", "compute,blocks,cpu", "--quiet"];
     let out = suite("clips", &[&[dir.as_str(), "--heads", "1,2"], &brief[..]].concat(), &folder.path().join("report"));
-    let cells = out["suites"][0]["cells"].as_array().unwrap();
-    assert_eq!(cells.len(), 2);
-    let techniques = ["blocks", "blocks fixed16", "compute", "compute rebuild", "cpu", "cpu fixed16"];
-    assert_eq!(names(&out, "technique"), techniques.map(String::from).into());
+    assert_eq!(cells(&out).len(), 2);
+    let techniques = names(&out, "technique");
+    for name in ["blocks", "blocks fixed16", "blocks fixed16 animated", "compute", "compute rebuild", "cpu fixed16"] {
+        assert!(techniques.contains(name), "{name}: {techniques:?}");
+    }
     for run in out["runs"].as_array().unwrap() {
-        let narrow = run["technique"].as_str().unwrap().ends_with(" fixed16");
+        let narrow = run["technique"].as_str().unwrap().contains(" fixed16");
         assert_eq!(run["pose"], if narrow { "fixed16" } else { "float32" }, "{run}");
         assert_eq!(run["accumulate"], if narrow { "exact" } else { "float" }, "{run}");
     }
-    assert!(cells.iter().all(|cell| !cell["best_other"].as_str().unwrap().starts_with("blocks")), "{cells:?}");
     // All run the same frames.
     let changed = |heads: u64| {
         let own = out["runs"].as_array().unwrap().iter().filter(move |r| r["heads"] == heads);
@@ -192,5 +191,5 @@ fn clips_come_from_the_input_or_from_the_data_sets() {
 
     let Some(set) = data::set("facecap_head_glb") else { return };
     let out = suite("clips", &[&[set.to_str().unwrap()], &brief[..]].concat(), &folder.path().join("real"));
-    assert_eq!(out["suites"][0]["cells"][0]["name"], "facecap_head_glb, facecap_30fps, 1 head");
+    assert_eq!(cells(&out)[0], "facecap_head_glb, facecap_30fps, 1 head");
 }
