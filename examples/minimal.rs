@@ -397,7 +397,7 @@ fn run(wanted: &str) -> Result<()> {
             // SAFETY: `cmd` is recording on the engine's device, outside a render pass, and is submitted once, in
             // order, after the wait for the frame FRAMES_IN_FLIGHT ago. If dropped: crowd.discard(update.ticket).
             let update = unsafe { engine.record_update(cmd, &mut crowd) }?;
-            // For motion vectors: `crowd.previous_pose(0)?`, this pose after `crowd.cut(0)?`.
+            // For motion vectors: `crowd.previous_pose(0)?`, this pose after `crowd.reset_history(0)?`.
             record_draw(cmd, &crowd.pose(0)?, now * PICTURES / FRAMES);
             Ok(update)
         })?;

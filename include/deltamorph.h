@@ -801,7 +801,7 @@ typedef struct DmSkinnedView {
     /// Offset of the first position.
     uint64_t offset;
     /// The buffer with the skinned pose before the last update: the same pose if nothing changed, on the first update
-    /// and after a cut. Null: the update overwrote it.
+    /// and after its history was reset. Null: the update overwrote it.
     VkBuffer previous_buffer;
     /// Offset in that buffer.
     uint64_t previous_offset;
@@ -1169,7 +1169,7 @@ DmResult dm_crowd_destroy(struct DmCrowd crowd);
 /// be the pose itself, so that motion vectors come out as zero. `dm_crowd_set_hidden` implies this.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
-DmResult dm_crowd_cut(struct DmCrowd crowd, uint32_t instance);
+DmResult dm_crowd_reset_history(struct DmCrowd crowd, uint32_t instance);
 
 /// Hide an instance (not 0), or show it again (0). Updates leave a hidden instance out, and it keeps its pose. When it
 /// is shown again, the next update brings it up to date, and its previous pose is the pose itself then.
@@ -1272,7 +1272,7 @@ DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 DmResult dm_crowd_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 
 /// Get the buffer and layout of an instance's pose before its last update: the pose itself if nothing changed, on its
-/// first update, and after `dm_crowd_cut`. The buffer is null if the update had to overwrite it.
+/// first update, and after `dm_crowd_reset_history`. The buffer is null if the update had to overwrite it.
 ///
 /// Errors: those of `dm_crowd_pose`.
 ///

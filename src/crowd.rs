@@ -48,10 +48,10 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     ///
     /// # Errors
     /// An instance out of range or removed.
-    pub fn cut(&mut self, instance: u32) -> Result<()> {
-        self.instances.cut(instance)?;
-        self.kind.state().cut(instance);
-        self.kind.change_outputs(instance, OutputChange::Cut);
+    pub fn reset_history(&mut self, instance: u32) -> Result<()> {
+        self.instances.reset_history(instance)?;
+        self.kind.state().reset_history(instance);
+        self.kind.change_outputs(instance, OutputChange::Reset);
         Ok(())
     }
 

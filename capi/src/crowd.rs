@@ -251,8 +251,8 @@ pub unsafe extern "C" fn dm_crowd_destroy(crowd: DmCrowd) -> DmResult {
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]
-pub extern "C" fn dm_crowd_cut(crowd: DmCrowd, instance: u32) -> DmResult {
-    enter("dm_crowd_cut", || with(crowd, |state| Ok(state.crowd().cut(instance)?)))
+pub extern "C" fn dm_crowd_reset_history(crowd: DmCrowd, instance: u32) -> DmResult {
+    enter("dm_crowd_reset_history", || with(crowd, |state| Ok(state.crowd().reset_history(instance)?)))
 }
 
 /// Hide an instance (not 0), or show it again (0). Updates leave a hidden instance out, and it keeps its pose. When it

@@ -57,7 +57,7 @@ pub unsafe extern "C" fn dm_crowd_pose(crowd: DmCrowd, instance: u32, view: *mut
 }
 
 /// Get the buffer and layout of an instance's pose before its last update: the pose itself if nothing changed, on its
-/// first update, and after `dm_crowd_cut`. The buffer is null if the update had to overwrite it.
+/// first update, and after `dm_crowd_reset_history`. The buffer is null if the update had to overwrite it.
 ///
 /// Errors: those of `dm_crowd_pose`.
 ///

@@ -52,7 +52,7 @@ static void handles(void) {
     HANDLE("is no handle", dm_mesh_info((DmMesh){0x1234}, &info));
     HANDLE("never created", dm_mesh_info((DmMesh){mesh.bits + 1000}, &info));
     HANDLE("never created", dm_mesh_info((DmMesh){mesh.bits + (1ull << 32)}, &info));
-    HANDLE("null handle in place of a crowd", dm_crowd_cut(no_crowd, 0));
+    HANDLE("null handle in place of a crowd", dm_crowd_reset_history(no_crowd, 0));
     HANDLE("null handle in place of a mesh on the device", dm_crowd_create((DmGpuMesh){0}, NULL, &(DmCrowd){0}));
     HANDLE("null handle in place of an engine", dm_engine_destroy((DmEngine){0}));
     DmMeshDesc desc = {.struct_size = sizeof desc, .engine = {mesh.bits}};
@@ -275,7 +275,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     INVALID("plays no clips", dm_crowd_release_staging(crowd));
     INVALID("place", dm_crowd_add(crowd, &instance));
     HOLDS(instance == 9);
-    INVALID("instance", dm_crowd_cut(crowd, 1));
+    INVALID("instance", dm_crowd_reset_history(crowd, 1));
     INVALID("instance", dm_crowd_set_hidden(crowd, 7, 1));
     INVALID("instance", dm_crowd_remove(crowd, 7));
     INVALID("update 1 of 0", dm_crowd_discard(crowd, (DmTicket){crowd.bits, 1}));

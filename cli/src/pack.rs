@@ -72,8 +72,8 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         index.size(),
         pose_table(&measured.pose_formats, &sample)
     ));
-    // Fields may be added, never renamed. `blocks_moved` are those that any target moves, `entries` pairs of a block and
-    // a target that moves some of its vertices, `clips` those of a glTF file, which the packed file keeps.
+    // Fields may be added, never renamed. `blocks_moved` are those that any target moves, `entries` pairs of a block
+    // and a target that moves some of its vertices, `clips` those of a glTF file, which the packed file keeps.
     let more = json!({
         "schema": 1, "origin": input.origin, "output": output.to_string(), "format": measured.name,
         "vertices": layout.vertex_count, "targets": layout.targets.len(), "block_size": index.size(),

@@ -238,11 +238,11 @@ impl<'a> Runner<'a> {
     }
 
     /// Marks a cut: the next pose of the first instance has no predecessor.
-    pub fn cut(&mut self) -> deltamorph::Result<()> {
+    pub fn reset_history(&mut self) -> deltamorph::Result<()> {
         match self {
-            Self::Gpu(crowds) => crowds[0].cut(0),
-            Self::Animated { crowds, .. } => crowds[0].cut(0),
-            Self::Cpu(crowd, _) => crowd.cut(0),
+            Self::Gpu(crowds) => crowds[0].reset_history(0),
+            Self::Animated { crowds, .. } => crowds[0].reset_history(0),
+            Self::Cpu(crowd, _) => crowd.reset_history(0),
         }
     }
 

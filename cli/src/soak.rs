@@ -71,7 +71,7 @@ fn soak(args: &SoakArgs, clips: &[BoundClip], checks: &mut Checks<'_>, out: &Out
     for frame in 0..args.frames {
         let (weights, cut) = script.next();
         if cut {
-            runner.cut()?;
+            runner.reset_history()?;
         }
         let due = (frame + 1) % every == 0 || frame + 1 == args.frames;
         checks.step(frame, &mut runner, weights, due)?;

@@ -148,9 +148,9 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         crowd.set_weights(instance, weights)
     }
 
-    /// See [`Crowd::cut`].
-    pub fn cut(&mut self, instance: u32) -> Result<()> {
-        self.crowd.base_mut().cut(instance)
+    /// See [`Crowd::reset_history`].
+    pub fn reset_history(&mut self, instance: u32) -> Result<()> {
+        self.crowd.base_mut().reset_history(instance)
     }
 
     /// See [`Crowd::set_hidden`].

@@ -1,8 +1,8 @@
 //! Draws poses of deltamorph as an engine would: the crowd's pose buffer is the vertex buffer, decoded by the shader
 //! code that deltamorph provides (`glsl/host/pose.glsl`). Used for the command line's pictures and window.
 //!
-//! - [`Heads`] are a crowd on the device or on the processor, and draw it into [`Target`]s: images to copy from, as into
-//!   those of a swapchain. They record into the host's command buffer, and never submit or wait.
+//! - [`Heads`] are a crowd on the device or on the processor, and draw it into [`Target`]s: images to copy from, as
+//!   into those of a swapchain. They record into the host's command buffer, and never submit or wait.
 //! - [`Scene`] describes the picture: a [`Camera`] that fits the scene, a [`Light`], and what to [`Show`].
 //! - [`wrinkles`] appear where a pose compresses the skin.
 //! - [`parts`] separates skin from eyes and teeth, and takes the [`Surface`] that a file states. Parts that nothing

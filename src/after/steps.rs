@@ -31,8 +31,8 @@ struct Target {
     earlier: Earlier<usize>,
     /// The output buffer with the contents before the update planned last.
     previous: Option<usize>,
-    /// The next update is a cut; the last update that was one.
-    is_cut: bool,
+    /// The next update resets the history; the last update that did.
+    is_reset: bool,
     cut_by: u64,
     /// Some of the buffer's contents are unknown.
     is_stale: bool,
@@ -83,7 +83,7 @@ impl After {
             output: 0,
             earlier: Earlier::new(place.frames),
             previous: None,
-            is_cut: false,
+            is_reset: false,
             cut_by: 0,
             is_stale: true,
             written_by: 0,
@@ -125,7 +125,7 @@ impl After {
     /// may have reused those of one that was hidden.
     pub fn change(&mut self, instance: u32, change: OutputChange) {
         self.of(instance).for_each(|target| match change {
-            OutputChange::Cut => target.is_cut = true,
+            OutputChange::Reset => target.is_reset = true,
             OutputChange::Renewed => target.is_stale = true,
             OutputChange::Removed => target.is_removed = true,
         });
@@ -139,7 +139,7 @@ impl After {
             if target.written_by >= first {
                 (target.is_stale, target.written_by) = (true, 0);
             }
-            target.is_cut |= target.cut_by >= first;
+            target.is_reset |= target.cut_by >= first;
         }
     }
 
@@ -214,8 +214,8 @@ impl Target {
         if self.step.take_changed() || self.is_stale {
             self.changed.add(0..all);
         }
-        let is_cut = std::mem::take(&mut self.is_cut);
-        if is_cut {
+        let is_reset = std::mem::take(&mut self.is_reset);
+        if is_reset {
             self.cut_by = id.update;
         }
         if self.changed.len() == 0 {
@@ -229,7 +229,7 @@ impl Target {
             std::mem::swap(other_stale, &mut self.changed);
             self.changed.add_all(other_stale);
         }
-        self.previous = match (is_cut || self.is_stale, before != self.output) {
+        self.previous = match (is_reset || self.is_stale, before != self.output) {
             (true, _) => Some(self.output),
             (false, is_kept) => is_kept.then_some(before),
         };

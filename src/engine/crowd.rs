@@ -93,8 +93,8 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     }
 
     /// The pose of `instance` before its last update. Equal to the pose if nothing changed, on its first update and
-    /// after [`cut`](Self::cut); `None` if the update had to overwrite it (one slot; several feedback passes in two
-    /// slots), and on direct paths.
+    /// after [`reset_history`](Self::reset_history); `None` if the update had to overwrite it (one slot; several
+    /// feedback passes in two slots), and on direct paths.
     ///
     /// # Errors
     /// Those of [`pose`](Self::pose).

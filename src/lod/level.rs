@@ -65,9 +65,9 @@ impl Level {
         self.goal
     }
 
-    /// Tells that the next frame has no predecessor (the instance was hidden, or the camera has cut): the level takes
+    /// Tells that the next frame has no predecessor (the instance was hidden, or the camera jumped): the level takes
     /// its goal at once.
-    pub fn cut(&mut self) {
+    pub fn reset(&mut self) {
         self.level = None;
     }
 

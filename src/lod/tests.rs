@@ -68,9 +68,9 @@ fn the_fade_arrives_in_as_many_frames_as_it_takes() {
     let (near, whole) = (50.0, (0..9).map(|t| importance.reach(t)).sum::<f32>() * 50.0);
     let frames = (1..100_000).find(|_| level.step(&importance, near, None) == 8.0).unwrap();
     assert!((frames as f32 - whole / 0.5).abs() < 2.0 + 1e-3 * frames as f32, "{frames} frames for {whole} pixels");
-    // Targets without a weight come and go at no cost; a cut takes no frames.
+    // Targets without a weight come and go at no cost; a reset takes no frames.
     assert_eq!(level.step(&importance, 0.0, Some(&[0.0; 9])), 0.0);
-    level.cut();
+    level.reset();
     assert_eq!(level.step(&importance, near, None), 8.0, "the last one moves nothing");
     assert_eq!(level.step(&importance, f32::INFINITY, None), 9.0, "a camera in the head");
     assert_eq!(level.step(&importance, f32::NAN, None), 9.0);

@@ -80,18 +80,18 @@ impl Instances {
     }
 
     /// Makes the next pose of `instance` its own previous pose.
-    pub fn cut(&mut self, instance: u32) -> Result<()> {
-        self.place(instance)?.history.cut();
+    pub fn reset_history(&mut self, instance: u32) -> Result<()> {
+        self.place(instance)?.history.reset();
         Ok(())
     }
 
-    /// Shows or hides `instance`; returns whether that changed. A change also cuts its history.
+    /// Shows or hides `instance`; returns whether that changed. A change also resets its history.
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<bool> {
         let place = self.place(instance)?;
         let new = if hidden { Presence::Hidden } else { Presence::Shown };
         let changed = std::mem::replace(&mut place.presence, new) != new;
         if changed {
-            place.history.cut();
+            place.history.reset();
         }
         Ok(changed)
     }
@@ -151,7 +151,7 @@ impl Instances {
 /// were checked.
 pub trait InstanceState {
     /// Makes the next pose of an instance its own previous pose.
-    fn cut(&mut self, _instance: u32) {}
+    fn reset_history(&mut self, _instance: u32) {}
 
     /// Hides, removes or shows an instance.
     fn set_hidden(&mut self, _instance: u32, _hidden: bool) {}
@@ -194,9 +194,9 @@ pub struct History {
     previous: Option<u32>,
     /// The update that wrote the current slot, counted from 1; 0 if there is no valid pose.
     written_by: u64,
-    cut: bool,
-    /// The last update after a cut that changed nothing; 0 if there is none.
-    stayed_after_cut: u64,
+    is_reset: bool,
+    /// The last update after a reset that changed nothing; 0 if there is none.
+    stayed_after_reset: u64,
 }
 
 impl History {
@@ -204,7 +204,7 @@ impl History {
     pub fn new(slots: u32, unfinished: u32) -> Self {
         let current = slots - 1;
         let earlier = Earlier::new(unfinished);
-        Self { slots, current, earlier, previous: None, written_by: 0, cut: false, stayed_after_cut: 0 }
+        Self { slots, current, earlier, previous: None, written_by: 0, is_reset: false, stayed_after_reset: 0 }
     }
 
     /// The slot of the pose; `None` before the first update and after a discarded one.
@@ -218,15 +218,15 @@ impl History {
     }
 
     /// Slots of the current and the previous pose; `None` while there is no pose. The previous pose is the current one
-    /// if nothing changed, for the first pose and after a cut; `None` if the update overwrote it.
+    /// if nothing changed, for the first pose and after a reset; `None` if the update overwrote it.
     pub fn slots(&self) -> Option<(u32, Option<u32>)> {
         self.current().map(|current| (current, self.previous))
     }
 
     /// Update `update` (ascending, from 1) changes nothing.
     pub fn stay(&mut self, update: u64) {
-        if std::mem::take(&mut self.cut) {
-            self.stayed_after_cut = update;
+        if std::mem::take(&mut self.is_reset) {
+            self.stayed_after_reset = update;
         }
         self.previous = Some(self.current);
     }
@@ -234,7 +234,7 @@ impl History {
     /// Update `update` writes the slots `written`; the last one holds the pose.
     pub fn advance(&mut self, update: u64, written: impl IntoIterator<Item = u32>) {
         let known = self.current();
-        let cut = std::mem::take(&mut self.cut);
+        let is_reset = std::mem::take(&mut self.is_reset);
         self.earlier.push(update, self.current);
         let mut overwritten = false;
         for slot in written {
@@ -243,14 +243,14 @@ impl History {
         }
         self.written_by = update;
         self.previous = match known {
-            Some(before) if !cut => (!overwritten).then_some(before),
+            Some(before) if !is_reset => (!overwritten).then_some(before),
             Some(_) | None => Some(self.current),
         };
     }
 
     /// Makes the next pose its own previous pose (the instance was hidden, or teleported).
-    pub fn cut(&mut self) {
-        self.cut = true;
+    pub fn reset(&mut self) {
+        self.is_reset = true;
     }
 
     /// Marks the pose as lost: the next update rebuilds it.
@@ -259,7 +259,7 @@ impl History {
     }
 
     /// Discards update `first` and all later ones: the pose is lost if one of them wrote it, the next update writes the
-    /// slot that the first of them would have written, and a cut that they had used up applies again.
+    /// slot that the first of them would have written, and a reset that they had used up applies again.
     pub fn discard_from(&mut self, first: u64) {
         if let Some(before) = self.earlier.discard_from(first) {
             self.current = before;
@@ -267,8 +267,8 @@ impl History {
         if self.written_by >= first {
             self.forget();
         }
-        if self.stayed_after_cut >= first {
-            (self.cut, self.stayed_after_cut) = (true, 0);
+        if self.stayed_after_reset >= first {
+            (self.is_reset, self.stayed_after_reset) = (true, 0);
         }
     }
 }
@@ -277,7 +277,7 @@ impl History {
 #[derive(Clone, Copy, Debug)]
 pub enum OutputChange {
     /// The next one is its own previous output.
-    Cut,
+    Reset,
     /// All is written anew, since the instance was hidden or shown.
     Renewed,
     /// Nothing is written, since the instance was removed.

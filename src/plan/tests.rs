@@ -157,14 +157,14 @@ fn bad_descriptions_are_refused() {
     }
 }
 
-/// The update after a cut has no previous pose. When it changes nothing and never runs, the next one is the update
-/// after the cut.
+/// The update after a reset has no previous pose. When it changes nothing and never runs, the next one is the update
+/// after the reset.
 #[test]
 fn a_discarded_update_gives_its_cut_back() {
     for (stays, discarded, is_cut) in [(0, 0, true), (1, 1, true), (2, 1, false), (2, 2, true)] {
         let mut history = instances::History::new(2, 3);
         history.advance(1, [0]);
-        history.cut();
+        history.reset();
         (2..2 + stays).for_each(|update| history.stay(update));
         history.discard_from(2 + stays - discarded);
         history.advance(4, [1]);

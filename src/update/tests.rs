@@ -86,7 +86,7 @@ pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
     for event in events {
         match event {
             Event::Cut => {
-                one.instances.cut(0).unwrap();
+                one.instances.reset_history(0).unwrap();
                 cut = true;
             }
             Event::DiscardLast(n) => {

@@ -244,7 +244,7 @@ fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
                             crowd.discard(lost.ticket).expect("a ticket");
                         }
                         if frame == 7 {
-                            crowd.cut(0).expect("an instance");
+                            crowd.reset_history(0).expect("an instance");
                         }
                         let (step, commands, _) = gpu::recorded(crowd, &asked);
                         steps.push((commands, step.update.stats));

@@ -332,7 +332,7 @@ fn each_writes_the_reference_and_only_what_changed() {
                         assert!(crowd.crowd().skinned(0).is_err());
                     }
                     8 | 10 => (0..3).for_each(|i| crowd.set_hidden(i, frame == 8).expect("an instance")),
-                    12 => (0..3).for_each(|i| crowd.cut(i).expect("an instance")),
+                    12 => (0..3).for_each(|i| crowd.reset_history(i).expect("an instance")),
                     _ => {}
                 }
                 let (hidden, still) = ((8..10).contains(&frame), [1, 7, 13].contains(&frame));

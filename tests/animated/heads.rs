@@ -28,7 +28,7 @@ fn poses_and_previous_poses_follow_the_slots() {
             let mut frozen = vec![];
             for frame in 0..12 {
                 match frame {
-                    4 => scene.crowd.cut(0).expect("an instance"),
+                    4 => scene.crowd.reset_history(0).expect("an instance"),
                     5 => {
                         frozen = scene.crowd.read_pose(1).expect("a pose");
                         scene.hide(1, true);

@@ -88,7 +88,7 @@ fn levels_are_applied_on_the_gpu() {
                 let now = f64::from(frame) / 10.0;
                 let mut at = vec![];
                 // The camera cuts to the last instance.
-                levels.iter_mut().filter(|_| frame == 11).for_each(Level::cut);
+                levels.iter_mut().filter(|_| frame == 11).for_each(Level::reset);
                 for (head, level) in (0..9).zip(&mut levels) {
                     let pixels = if head == 8 { f32::INFINITY } else { pixels * (1.0 + head as f32 / 4.0) };
                     at.push(level.step(&importance, pixels * unit, None));

@@ -133,7 +133,7 @@ impl<'a> Weighted<'a> {
                 count(counts, if shown { "instances hidden" } else { "instances shown" });
                 return crowd.set_hidden(instance, shown);
             }
-            6..10 => return crowd.cut(instance).inspect(|()| count(counts, "cuts")),
+            6..10 => return crowd.reset_history(instance).inspect(|()| count(counts, "cuts")),
             10..14 => weights.fill(0.0),
             14..24 => {
                 weights.iter_mut().for_each(|weight| *weight = rng.range(-0.9, 1.8));
@@ -292,9 +292,9 @@ impl<'a> Animated<'a> {
                 count(counts, if shown { "instances hidden" } else { "instances shown" });
                 heads.set_hidden(instance, shown);
             }
-            10..12 if crowd.cut(instance).is_ok() => {
+            10..12 if crowd.reset_history(instance).is_ok() => {
                 count(counts, "cuts");
-                heads.cut(instance);
+                heads.reset_history(instance);
             }
             12..14 => {
                 let level = rng.range(0.0, TARGETS as f32 + 1.0);

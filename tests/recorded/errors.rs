@@ -125,7 +125,7 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
         says(crowd.remove(1), "instance 1 was removed");
         says(crowd.set_hidden(1, true), "instance 1 was removed");
         for (instance, words) in [(1, "instance 1 was removed"), (u32::MAX, "instance 4294967295 of a crowd of 2")] {
-            says(crowd.cut(instance), words);
+            says(crowd.reset_history(instance), words);
             says(crowd.set_weights(instance, &[0.0; 4]), words);
             says(crowd.pose(instance), words);
             says(crowd.previous_pose(instance), words);
@@ -194,7 +194,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         refused_everywhere(headless, &mut made, 1, "instance 1 was removed");
         for (instance, words) in [(1, "instance 1 was removed"), (2, "instance 2 of a crowd of 2")] {
             let crowd = &mut made.crowd;
-            says(crowd.cut(instance), words);
+            says(crowd.reset_history(instance), words);
             says(crowd.set_hidden(instance, true), words);
             says(crowd.remove(instance), words);
             says(crowd.set_joints(instance, 0), words);
@@ -228,7 +228,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         }
         let mut crowd = of_other.crowd;
         let words = "instance 2 of a crowd of 2";
-        says(crowd.cut(2), words);
+        says(crowd.reset_history(2), words);
         says(crowd.set_hidden(2, true), words);
         says(crowd.remove(2), words);
         says(crowd.add(), "all taken");

@@ -64,7 +64,7 @@ fn follow(mut crowd: HeadlessCrowd<'_, AnimatedCrowd>, slots: usize) {
         crowd.set_time(time).expect("a time");
         let one = rng.below(INSTANCES as usize) as u32;
         match rng.below(12) {
-            0 => crowd.cut(one).expect("an instance"),
+            0 => crowd.reset_history(one).expect("an instance"),
             1 | 2 if !hidden.contains(&one) => {
                 crowd.set_hidden(one, true).expect("an instance");
                 hidden.push(one);

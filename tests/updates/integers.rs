@@ -165,8 +165,8 @@ fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: us
                 Event::Weights(weights) => weights.iter().for_each(|(t, w)| head.asked[*t] = w * expected.most),
                 Event::Cut => {
                     head.cut = true;
-                    device.cut(i as u32).expect("a head");
-                    cpu.cut(i as u32).expect("a head");
+                    device.reset_history(i as u32).expect("a head");
+                    cpu.reset_history(i as u32).expect("a head");
                 }
                 Event::HideOrShow => {
                     head.hidden = !head.hidden;

@@ -95,7 +95,7 @@ pub struct DmSkinnedView {
     /// Offset of the first position.
     pub offset: u64,
     /// The buffer with the skinned pose before the last update: the same pose if nothing changed, on the first update
-    /// and after a cut. Null: the update overwrote it.
+    /// and after its history was reset. Null: the update overwrote it.
     pub previous_buffer: vk::Buffer,
     /// Offset in that buffer.
     pub previous_offset: u64,

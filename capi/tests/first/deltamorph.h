@@ -129,7 +129,7 @@ DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, 
 DmResult dm_crowd_create_animated(struct DmGpuMesh mesh, VkCommandBuffer cmd, const struct DmCrowdDesc *desc, const struct DmAnimationDesc *animation, struct DmCrowd *crowd);
 DmResult dm_crowd_release_staging(struct DmCrowd crowd);
 DmResult dm_crowd_destroy(struct DmCrowd crowd);
-DmResult dm_crowd_cut(struct DmCrowd crowd, uint32_t instance);
+DmResult dm_crowd_reset_history(struct DmCrowd crowd, uint32_t instance);
 DmResult dm_crowd_set_hidden(struct DmCrowd crowd, uint32_t instance, uint32_t hidden);
 DmResult dm_crowd_add(struct DmCrowd crowd, uint32_t *instance);
 DmResult dm_crowd_remove(struct DmCrowd crowd, uint32_t instance);

@@ -144,7 +144,7 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
                 }
             }
             4 => {
-                assert_eq!(crowd.cut(i).is_ok(), one.present);
+                assert_eq!(crowd.reset_history(i).is_ok(), one.present);
                 one.cut = true;
             }
             5 => {

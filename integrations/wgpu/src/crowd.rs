@@ -85,12 +85,12 @@ impl Crowd {
         lock(&self.shared).set_weights(instance, weights)
     }
 
-    /// Marks the next pose as one without predecessor: see [`deltamorph::Crowd::cut`].
+    /// Marks the next pose as one without predecessor: see [`deltamorph::Crowd::reset_history`].
     ///
     /// # Errors
-    /// The instance does not exist: those of [`deltamorph::Crowd::cut`].
-    pub fn cut(&mut self, instance: u32) -> Result<()> {
-        lock(&self.shared).cut(instance)
+    /// The instance does not exist: those of [`deltamorph::Crowd::reset_history`].
+    pub fn reset_history(&mut self, instance: u32) -> Result<()> {
+        lock(&self.shared).reset_history(instance)
     }
 
     /// Hides an instance, or shows it again: see [`deltamorph::Crowd::set_hidden`].

@@ -125,7 +125,7 @@ impl SkinTarget {
 pub struct SkinnedView {
     /// Buffer, and byte offset of the first position.
     pub current: (vk::Buffer, u64),
-    /// The same before the last update; equal to `current` if nothing changed, on the first update and after a cut;
+    /// The same before the last update; equal to `current` if nothing changed, on the first update and after a reset;
     /// `None` if the update overwrote it.
     pub previous: Option<(vk::Buffer, u64)>,
 }

@@ -171,7 +171,8 @@ pub(crate) trait BlockFormat {
     }
 
     /// Calls `f(lane, component, number)` for each number of an entry, at least for these vertices; 0 for those that it
-    /// leaves out. A number is an integer to shift and multiply by the step. `deltas` begins with the entry's words, and may go on behind them.
+    /// leaves out. A number is an integer to shift and multiply by the step. `deltas` begins with the entry's words,
+    /// and may go on behind them.
     fn decode(
         &self,
         size: usize,

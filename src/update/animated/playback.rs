@@ -20,11 +20,11 @@ const SECONDS_MAX: f64 = (1u64 << 36) as f64;
 
 #[derive(Clone, Debug, Default)]
 struct State {
-    /// Updates from which on it is shown, with a cut (`true`), or hidden; latest first. Empty: it has no pose, or too
+    /// Updates from which on it is shown, with a reset (`true`), or hidden; latest first. Empty: it has no pose, or too
     /// many changes were discarded.
     changes: [Option<(u64, bool)>; CHANGES],
     /// The next pose is its own previous pose.
-    cut: bool,
+    is_reset: bool,
     /// The record differs from the device's.
     stale: bool,
     /// The update that sent the record to the device.
@@ -163,8 +163,8 @@ impl Playbacks {
             state.listed = false;
             let shown = !self.records[number as usize].has(HIDDEN);
             let was_shown = state.changes[0].is_some_and(|(_, shown)| shown);
-            // A hidden instance keeps its cut: the update that hides it may be discarded.
-            if shown && std::mem::take(&mut state.cut) || shown != was_shown {
+            // A hidden instance keeps its reset: the update that hides it may be discarded.
+            if shown && std::mem::take(&mut state.is_reset) || shown != was_shown {
                 state.changes.rotate_right(1);
                 state.changes[0] = Some((update, shown));
             }
@@ -220,7 +220,7 @@ impl Playbacks {
             let (sent, mut turned_back) = (state.sent >= first, false);
             while let Some((_, shown)) = state.changes[0].take_if(|(update, _)| *update >= first) {
                 state.changes.rotate_left(1);
-                (state.cut, turned_back) = (state.cut | shown, true);
+                (state.is_reset, turned_back) = (state.is_reset | shown, true);
             }
             if sent || turned_back {
                 self.touch(number).stale |= sent;
@@ -256,8 +256,8 @@ impl InstanceState for Playbacks {
         state.stale = true;
     }
 
-    fn cut(&mut self, instance: u32) {
-        self.touch(instance).cut = true;
+    fn reset_history(&mut self, instance: u32) {
+        self.touch(instance).is_reset = true;
     }
 
     /// Only the GPU knows which blocks.

@@ -157,7 +157,7 @@ fn what_is_played_is_sent_once_and_again_when_it_was_discarded() {
     assert_eq!((heads.update(&clips), runs(&heads)), (1, vec![]));
     assert_eq!((heads.written(0), heads.written(2)), (Some((1, true)), Some((1, true))));
     heads.set_hidden(2, true);
-    heads.cut(0);
+    heads.reset_history(0);
     assert_eq!((heads.update(&clips), runs(&heads)), (2, vec![(2, 3)]));
     assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((1, false))]);
     heads.discard_from(2);
@@ -182,7 +182,7 @@ fn discarded_updates_change_nothing() {
         let mut before = vec![written(&heads)];
         for update in 0..updates {
             heads.set_hidden(0, update % 2 == 1);
-            heads.cut(1);
+            heads.reset_history(1);
             heads.update(&clips);
             before.push(written(&heads));
         }
@@ -199,7 +199,7 @@ fn a_cut_survives_a_discarded_update_that_hides_its_head() {
     let clips = clips(&[], KeyFormat::Bits32);
     let mut heads = Playbacks::new(1);
     (0..2).for_each(|update| assert_eq!(heads.update(&clips), update));
-    heads.cut(0);
+    heads.reset_history(0);
     heads.set_hidden(0, true);
     assert_eq!(heads.update(&clips), 2);
     heads.discard_from(2);
