@@ -188,7 +188,8 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
         assert!(chin.iter().zip(plain).all(|(a, b)| a.abs_diff(*b) <= 2), "the chin stays smooth");
         for (pose, path) in [
             (PoseFormat::Fixed16, UpdatePath::Blocks),
-            (PoseFormat::Fixed32, UpdatePath::Compute),
+            (PoseFormat::Fixed32, UpdatePath::Blocks),
+            (PoseFormat::Float32, UpdatePath::Compute),
             (PoseFormat::Fixed16, UpdatePath::Cpu),
             (PoseFormat::Float32, UpdatePath::Cpu),
         ] {
