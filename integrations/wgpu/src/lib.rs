@@ -16,7 +16,7 @@
 //! # Ok(()) }
 //! ```
 //!
-//! [`VertexInput`] describes how a pipeline reads poses, with the WGSL for it. `examples/head` is a complete host. No
+//! [`VertexInput`] describes how a pipeline reads poses, with the WGSL for it. `examples/head.rs` is a complete host. No
 //! feature or extension of the device is needed; with [`SHADER_INT64`](wgpu::Features::SHADER_INT64), software drivers
 //! take half the time.
 //!

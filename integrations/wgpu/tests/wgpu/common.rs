@@ -2,13 +2,50 @@
 
 use crate::layers::listen;
 pub use crate::layers::messages;
-use crate::scene::{Host, now};
 use crate::testing;
 use deltamorph::ash::{self, vk};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{DeltaFormat, PackedMesh, PoseFormat, PoseView};
-use deltamorph_wgpu::{Crowd, Mesh, Morph, POSE_WGSL, Pose};
+use deltamorph_wgpu::{Crowd, Mesh, Morph, POSE_WGSL, Pose, VertexInput};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
+use wgpu::util::DeviceExt as _;
+
+/// A device and its queue.
+pub struct Host {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+}
+
+impl Host {
+    pub fn new(adapter: &wgpu::Adapter) -> Self {
+        // `DrawReader` writes from vertex shaders.
+        let optional = wgpu::Features::SHADER_INT64 | wgpu::Features::VERTEX_WRITABLE_STORAGE;
+        let required_features = adapter.features() & optional;
+        let desc = wgpu::DeviceDescriptor { required_features, ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&desc)).expect("a device");
+        Self { device, queue }
+    }
+
+    /// Makes a buffer with these contents.
+    pub fn filled(&self, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: None, contents, usage })
+    }
+
+    /// Makes a buffer for copies that the host reads.
+    pub fn readback(&self, size: u64) -> wgpu::Buffer {
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+        self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+    }
+
+    /// Reads such a buffer, after all submitted work has finished.
+    pub fn read(&self, buffer: &wgpu::Buffer) -> Vec<u8> {
+        buffer.map_async(wgpu::MapMode::Read, .., |mapped| mapped.expect("mapped"));
+        wait(self);
+        let bytes = buffer.get_mapped_range(..).expect("mapped").to_vec();
+        buffer.unmap();
+        bytes
+    }
+}
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -45,11 +82,14 @@ pub fn on_every_adapter(test: impl Fn(Host)) {
     drop(messages());
     let drivers = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe".into());
     for driver in drivers.split(',') {
+        let desc = wgpu::InstanceDescriptor::new_without_display_handle();
         let flags = wgpu::InstanceFlags::VALIDATION | wgpu::InstanceFlags::DEBUG;
-        let adapters = Host::adapters(driver, flags);
-        let adapter = adapters.first().unwrap_or_else(|| panic!("{driver} is missing: use ./with-vulkan cargo test"));
-        test(Host::new(adapter).expect("a device"));
-        drop(adapters);
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor { flags, ..desc });
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        let mut adapters = adapters.into_iter().filter(|adapter| adapter.get_info().name.contains(driver));
+        let adapter = adapters.next().unwrap_or_else(|| panic!("{driver} is missing: use ./with-vulkan cargo test"));
+        test(Host::new(&adapter));
+        drop((adapter, adapters, instance));
         let messages = messages();
         assert!(messages.is_empty(), "{driver}: the layers say:\n{}", messages.join("\n"));
     }
@@ -109,7 +149,7 @@ pub fn submit_and_read(host: &Host, update: Option<wgpu::CommandBuffer>, crowd: 
     let mut encoder = host.device.create_command_encoder(&Default::default());
     let copy = copy(host, &mut encoder, &crowd.pose(0).expect("a pose"));
     host.queue.submit(update.into_iter().chain([encoder.finish()]));
-    host.read(&copy).expect("a copy")
+    host.read(&copy)
 }
 
 /// Waits until all submitted work has finished.
@@ -126,14 +166,70 @@ pub fn submit_in_vain(host: &Host, commands: Option<wgpu::CommandBuffer>) {
     from.destroy();
     let scope = host.device.push_error_scope(wgpu::ErrorFilter::Validation);
     host.queue.submit(commands.into_iter().chain([spoilt]));
-    now(scope.pop()).expect("an error: the buffer was destroyed");
+    pollster::block_on(scope.pop()).expect("an error: the buffer was destroyed");
 }
 
-/// Reads poses from a storage buffer in a compute shader, and decodes them.
+/// Decodes the numbers of a pose on the CPU.
+pub fn decoded(pose: &[u8], view: &PoseView) -> Vec<f32> {
+    if !view.format.has_integers() {
+        return view.format.decode(pose, None);
+    }
+    let numbers = view.format.integers(pose).into_iter().enumerate();
+    numbers.map(|(i, number)| view.offsets[i % 6] + number as f32 * view.units[i % 6]).collect()
+}
+
+/// What shaders decode: float32 positions and normals, written to a buffer.
+struct Decoded {
+    vertices: u32,
+    matrix: wgpu::Buffer,
+    numbers: wgpu::Buffer,
+}
+
+impl Decoded {
+    const WGSL: &str = "
+        @group(0) @binding(0) var<uniform> matrix: mat4x4f;
+        @group(0) @binding(1) var<storage, read_write> decoded: array<f32>;
+
+        fn store(i: u32, pose: PoseVertex) {
+            let position = matrix * vec4f(pose.position, 1.0);
+            for (var k = 0u; k < 3u; k++) {
+                decoded[6u * i + k] = position[k];
+                decoded[6u * i + 3u + k] = pose.normal[k];
+            }
+        }";
+
+    /// Makes room for the vertices of `poses` poses.
+    fn new(host: &Host, view: &PoseView, poses: u32) -> Self {
+        let vertices = (view.size / u64::from(view.stride)) as u32;
+        let matrix = view.matrix().to_cols_array().map(f32::to_ne_bytes).concat();
+        let numbers = vec![0; (24 * vertices * poses) as usize];
+        Self {
+            vertices,
+            matrix: host.filled(&matrix, wgpu::BufferUsages::UNIFORM),
+            numbers: host.filled(&numbers, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC),
+        }
+    }
+
+    fn bind_group(&self, host: &Host, layout: &wgpu::BindGroupLayout, pose: Option<&Pose<'_>>) -> wgpu::BindGroup {
+        let own = [self.matrix.as_entire_binding(), self.numbers.as_entire_binding()];
+        let resources = own.into_iter().chain(pose.map(Pose::binding));
+        let entries = (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource });
+        let entries: Vec<_> = entries.collect();
+        host.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+    }
+
+    /// Copies the numbers, for [`Host::read`].
+    fn copy(&self, host: &Host, encoder: &mut wgpu::CommandEncoder) -> wgpu::Buffer {
+        let copy = host.readback(self.numbers.size());
+        encoder.copy_buffer_to_buffer(&self.numbers, 0, &copy, 0, copy.size());
+        copy
+    }
+}
+
+/// Decodes poses from a storage buffer in a compute shader.
 pub struct ComputeReader {
     pipeline: wgpu::ComputePipeline,
-    matrix: wgpu::Buffer,
-    decoded: wgpu::Buffer,
+    decoded: Decoded,
 }
 
 impl ComputeReader {
@@ -143,10 +239,8 @@ impl ComputeReader {
             other => format!("pose_words_{other}(three(6u * i), three(6u * i + 3u))"),
         };
         let source = format!(
-            "{POSE_WGSL}
-            @group(0) @binding(0) var<storage, read> words: array<u32>;
-            @group(0) @binding(1) var<storage, read_write> decoded: array<f32>;
-            @group(0) @binding(2) var<uniform> matrix: mat4x4f;
+            "{POSE_WGSL}{}
+            @group(0) @binding(2) var<storage, read> words: array<u32>;
 
             fn three(at: u32) -> vec3u {{
                 return vec3u(words[at], words[at + 1u], words[at + 2u]);
@@ -154,14 +248,9 @@ impl ComputeReader {
 
             @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {{
                 let i = id.x;
-                if 6u * i >= arrayLength(&decoded) {{ return; }}
-                let pose = {read};
-                let position = matrix * vec4f(pose.position, 1.0);
-                for (var k = 0u; k < 3u; k++) {{
-                    decoded[6u * i + k] = position[k];
-                    decoded[6u * i + 3u + k] = pose.normal[k];
-                }}
-            }}"
+                if 6u * i < arrayLength(&decoded) {{ store(i, {read}); }}
+            }}",
+            Decoded::WGSL
         );
         let source = wgpu::ShaderSource::Wgsl(source.into());
         let module = host.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
@@ -173,45 +262,49 @@ impl ComputeReader {
             compilation_options: Default::default(),
             cache: None,
         });
-        let decoded = vec![0; view.size as usize / view.stride as usize * 24];
-        let matrix = view.matrix().to_cols_array().map(f32::to_ne_bytes).concat();
-        Self {
-            pipeline,
-            matrix: host.filled(&matrix, wgpu::BufferUsages::UNIFORM),
-            decoded: host.filled(&decoded, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC),
-        }
+        Self { pipeline, decoded: Decoded::new(host, view, 1) }
     }
 
-    /// Decodes a pose, in float32, for [`Host::read`].
+    /// Decodes a pose, for [`Host::read`].
     pub fn record(&self, host: &Host, encoder: &mut wgpu::CommandEncoder, pose: &Pose<'_>) -> wgpu::Buffer {
-        let entries = [pose.binding(), self.decoded.as_entire_binding(), self.matrix.as_entire_binding()];
-        let entry = |(binding, resource)| wgpu::BindGroupEntry { binding, resource };
-        let bindings = host.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &(0..).zip(entries).map(entry).collect::<Vec<_>>(),
-        });
+        let bindings = self.decoded.bind_group(host, &self.pipeline.get_bind_group_layout(0), Some(pose));
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &bindings, &[]);
-        pass.dispatch_workgroups((self.decoded.size() / 24).div_ceil(64) as u32, 1, 1);
+        pass.dispatch_workgroups(self.decoded.vertices.div_ceil(64), 1, 1);
         drop(pass);
-        let copy = host.readback(self.decoded.size());
-        encoder.copy_buffer_to_buffer(&self.decoded, 0, &copy, 0, copy.size());
-        copy
+        self.decoded.copy(host, encoder)
     }
 }
 
-/// Draws from vertex attributes, into a picture that is not read.
+/// Decodes poses from vertex attributes in a vertex shader: with `previous`, also the previous pose.
 pub struct DrawReader {
     pipeline: wgpu::RenderPipeline,
     target: wgpu::TextureView,
+    decoded: Decoded,
 }
 
 impl DrawReader {
-    /// `input`: the body of `fn vertex`, its inputs, and bindings; `buffers`: the layouts of its attributes.
-    pub fn new(host: &Host, vertex: &str, buffers: &[Option<wgpu::VertexBufferLayout<'_>>]) -> Self {
-        let source = format!("{vertex}\n@fragment fn fragment() -> @location(0) vec4f {{ return vec4f(1.0); }}");
+    pub fn new(host: &Host, view: &PoseView, previous: bool) -> Self {
+        // After attributes of the host's own.
+        let input = VertexInput::new(view.format, 3, previous).expect("attributes");
+        let decoded = Decoded::new(host, view, 1 + u32::from(previous));
+        let second = match previous {
+            true => format!("store({}u + i, previous_input(in));", decoded.vertices),
+            false => String::new(),
+        };
+        let source = format!(
+            "{}{}
+            @vertex fn vertex(in: PoseInput, @builtin(vertex_index) i: u32) -> @builtin(position) vec4f {{
+                store(i, pose_input(in));
+                {second}
+                return vec4f(0.0, 0.0, 0.0, 1.0);
+            }}
+
+            @fragment fn fragment() -> @location(0) vec4f {{ return vec4f(1.0); }}",
+            input.wgsl(),
+            Decoded::WGSL
+        );
         let source = wgpu::ShaderSource::Wgsl(source.into());
         let module = host.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
         let format = wgpu::TextureFormat::Rgba8Unorm;
@@ -222,7 +315,7 @@ impl DrawReader {
                 module: &module,
                 entry_point: None,
                 compilation_options: Default::default(),
-                buffers,
+                buffers: &input.layouts(),
             },
             primitive: Default::default(),
             depth_stencil: None,
@@ -246,18 +339,22 @@ impl DrawReader {
             usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
             view_formats: &[],
         });
-        Self { pipeline, target: target.create_view(&Default::default()) }
+        Self { pipeline, target: target.create_view(&Default::default()), decoded }
     }
 
-    /// Draws all vertices that form triangles.
-    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, vertices: u32, buffers: &[Pose<'_>]) {
+    /// Decodes poses, one after the other, for [`Host::read`].
+    pub fn record(&self, host: &Host, encoder: &mut wgpu::CommandEncoder, poses: &[Pose<'_>]) -> wgpu::Buffer {
+        let bindings = self.decoded.bind_group(host, &self.pipeline.get_bind_group_layout(0), None);
         let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store };
         let (view, depth_slice, resolve_target) = (&self.target, None, None);
         let color = wgpu::RenderPassColorAttachment { view, depth_slice, resolve_target, ops };
         let desc = wgpu::RenderPassDescriptor { color_attachments: &[Some(color)], ..Default::default() };
         let mut pass = encoder.begin_render_pass(&desc);
         pass.set_pipeline(&self.pipeline);
-        (0..).zip(buffers).for_each(|(slot, pose)| pass.set_vertex_buffer(slot, pose.slice()));
-        pass.draw(0..vertices, 0..1);
+        pass.set_bind_group(0, &bindings, &[]);
+        (0..).zip(poses).for_each(|(slot, pose)| pass.set_vertex_buffer(slot, pose.slice()));
+        pass.draw(0..self.decoded.vertices, 0..1);
+        drop(pass);
+        self.decoded.copy(host, encoder)
     }
 }

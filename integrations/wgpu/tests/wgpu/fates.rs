@@ -1,9 +1,9 @@
 //! Fates of command buffers: submitted, dropped, in a failed submit, out of order, kept.
 
-use crate::common::{Random, assert_right, on_every_adapter, submit_and_read, submit_in_vain, uploaded, wait};
-use crate::play::decoded;
+use crate::common::{
+    Host, Random, assert_right, decoded, on_every_adapter, submit_and_read, submit_in_vain, uploaded, wait,
+};
 use crate::poses::dense;
-use crate::scene::Host;
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc};
 use deltamorph_wgpu::{Crowd, Morph};
 

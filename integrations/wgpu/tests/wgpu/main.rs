@@ -2,12 +2,11 @@
 
 mod common;
 mod fates;
+#[allow(dead_code, reason = "its `main` is for `cargo run --example head`")]
+#[path = "../../examples/head.rs"]
+mod head;
 mod layers;
 mod lifetimes;
-#[path = "../../examples/head/play.rs"]
-mod play;
 mod poses;
-#[path = "../../examples/head/scene.rs"]
-mod scene;
 #[path = "../../../../tests/common/testing.rs"]
 mod testing;
