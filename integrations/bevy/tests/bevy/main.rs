@@ -1,12 +1,14 @@
 //! Bevy with and without deltamorph, from the same components: the same pictures and motion vectors.
 
 mod gltf;
+#[allow(dead_code, reason = "its `main` is for `cargo run --example heads`")]
+#[path = "../../examples/heads.rs"]
+mod heads;
 #[path = "../../../wgpu/tests/wgpu/layers.rs"]
 mod layers;
 mod probe;
-#[allow(dead_code, reason = "the example measures, and uses more of it")]
-#[path = "../../examples/heads/scene.rs"]
 mod scene;
+mod times;
 
 use bevy::core_pipeline::prepass::MotionVectorPrepass;
 use bevy::mesh::morph::MeshMorphWeights;
@@ -34,7 +36,6 @@ const DESC: SceneDesc = SceneDesc {
     edge: 128,
     tangents: true,
     motion: true,
-    window: false,
     flags: InstanceFlags::VALIDATION.union(InstanceFlags::DEBUG),
 };
 

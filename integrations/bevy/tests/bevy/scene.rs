@@ -1,5 +1,6 @@
 //! Lit heads in Bevy, with shadows, without a window.
 
+use crate::heads;
 use bevy::app::PluginsState;
 use bevy::asset::{AssetPlugin, RenderAssetUsages, UnapprovedPathMode};
 use bevy::camera::RenderTarget;
@@ -7,8 +8,8 @@ use bevy::core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
 use bevy::light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap};
 use bevy::log::LogPlugin;
+use bevy::mesh::VertexAttributeValues;
 use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes, MorphWeights};
-use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
 use bevy::render::RenderPlugin;
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
@@ -34,8 +35,6 @@ pub struct SceneDesc {
     pub tangents: bool,
     /// Add a prepass with motion vectors.
     pub motion: bool,
-    /// Draw into a window instead of a picture, for [`App::run`].
-    pub window: bool,
     /// Validation layers or not.
     pub flags: InstanceFlags,
 }
@@ -81,32 +80,30 @@ struct Picture(Vec<u8>);
 impl Scene {
     /// Makes the scene. `add` adds the caller's plugins after Bevy's.
     pub fn new(desc: &SceneDesc, face: &Face, add: impl FnOnce(&mut App)) -> Result<Self> {
-        let windows = match desc.window {
-            true => WindowPlugin::default(),
-            false => WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() },
-        };
+        let windows = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
         let settings = WgpuSettings { backends: Some(Backends::VULKAN), instance_flags: desc.flags, ..default() };
         let render =
             RenderPlugin { render_creation: settings.into(), synchronous_pipeline_compilation: true, ..default() };
         let mut app = App::new();
         // Logging is left to the caller. Tests load files from their own folders.
         let assets = AssetPlugin { unapproved_path_mode: UnapprovedPathMode::Allow, ..default() };
-        let plugins = DefaultPlugins.set(windows).set(render).set(assets).disable::<LogPlugin>();
-        app.add_plugins(if desc.window { plugins } else { plugins.disable::<WinitPlugin>() });
+        let plugins = DefaultPlugins.set(windows).set(render).set(assets);
+        app.add_plugins(plugins.disable::<LogPlugin>().disable::<WinitPlugin>());
         app.add_plugins(DeltamorphPlugin).init_resource::<Picture>();
         app.insert_resource(DirectionalLightShadowMap { size: 2 * desc.edge as usize });
         add(&mut app);
-        if !desc.window {
-            while app.plugins_state() == PluginsState::Adding {
-                bevy::tasks::tick_global_task_pools_on_main_thread();
-            }
-            app.finish();
-            app.cleanup();
+        while app.plugins_state() == PluginsState::Adding {
+            bevy::tasks::tick_global_task_pools_on_main_thread();
         }
+        app.finish();
+        app.cleanup();
 
         let mut meshes = app.world_mut().resource_mut::<Assets<Mesh>>();
-        let still = bevys(&face.morphs, desc.tangents);
-        let mesh = meshes.add(still.clone().with_morph_targets(targets(&face.morphs, desc.tangents)));
+        let (mut still, mut targets) = (heads::mesh(&face.morphs), heads::targets(&face.morphs));
+        if desc.tangents {
+            add_tangents(&mut still, &mut targets);
+        }
+        let mesh = meshes.add(still.clone().with_morph_targets(targets));
         let still = meshes.add(still);
         let picture = target(app.world_mut(), desc.edge);
         let mut scene = Self { app, heads: vec![], mesh, still, clip: face.clip.clone(), picture };
@@ -178,6 +175,7 @@ impl Scene {
         let camera = world
             .spawn((
                 Camera3d::default(),
+                RenderTarget::Image(self.picture.clone().into()),
                 Projection::from(PerspectiveProjection { near: 0.05 * extent, far: 8.0 * extent, ..default() }),
                 Tonemapping::None,
                 DebandDither::Disabled,
@@ -186,9 +184,6 @@ impl Scene {
                 Transform::from_xyz(0.0, 0.0, 1.4 * extent),
             ))
             .id();
-        if !desc.window {
-            world.entity_mut(camera).insert(RenderTarget::Image(self.picture.clone().into()));
-        }
         if desc.motion {
             world.entity_mut(camera).insert((DepthPrepass, MotionVectorPrepass));
         }
@@ -265,45 +260,19 @@ fn bumps() -> Image {
     Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba8Unorm, RenderAssetUsages::default())
 }
 
-/// Returns targets in Bevy's form: all attributes of all vertices, for each target.
-fn targets(morphs: &MorphMesh, tangents: bool) -> Vec<MorphAttributes> {
-    let count = morphs.vertex_count();
-    let mut attributes = vec![MorphAttributes::default(); count * morphs.targets.len()];
-    for (all, target) in attributes.chunks_exact_mut(count).zip(&morphs.targets) {
-        for (i, v) in target.vertices.iter().enumerate() {
-            let [position, normal] = [target.positions[i], target.normals[i]].map(|d| Vec3::from(d.to_array()));
-            // Not tangents of a surface, but as different between targets.
-            let tangent = if tangents { Vec3::new(normal.z, 2.0 * normal.x, normal.y) } else { Vec3::ZERO };
-            all[*v as usize] = MorphAttributes::new(position, normal, tangent);
-        }
+/// Adds tangents across the normals, and others for each target: not those of a surface, but as different.
+fn add_tangents(mesh: &mut Mesh, targets: &mut [MorphAttributes]) {
+    let Some(VertexAttributeValues::Float32x3(normals)) = mesh.attribute(Mesh::ATTRIBUTE_NORMAL) else { return };
+    let across = |n: &[f32; 3]| {
+        let t = Vec3::Y.cross(Vec3::from(*n)).try_normalize().unwrap_or(Vec3::X);
+        [t.x, t.y, t.z, 1.0]
+    };
+    let tangents: Vec<_> = normals.iter().map(across).collect();
+    mesh.insert_attribute(Mesh::ATTRIBUTE_TANGENT, tangents);
+    for target in targets {
+        let normal = target.normal;
+        target.tangent = Vec3::new(normal.z, 2.0 * normal.x, normal.y);
     }
-    attributes
-}
-
-/// Makes a mesh without targets.
-fn bevys(morphs: &MorphMesh, tangents: bool) -> Mesh {
-    let count = morphs.vertex_count();
-    let mut uvs = vec![[0.0; 2]; count];
-    for corner in morphs.faces.iter().flatten() {
-        let uv = corner.texcoord.map(|at| morphs.texcoords[at as usize].to_array());
-        uvs[corner.position as usize] = uv.unwrap_or_default();
-    }
-    let vectors = |of: &[_]| of.iter().map(deltamorph_bevy::deltamorph::glam::Vec3::to_array).collect::<Vec<_>>();
-    let normals = vectors(&morphs.normals);
-    let indices = morphs.faces.triangles(&morphs.positions).into_flattened();
-    let mut mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vectors(&morphs.positions))
-        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals.clone())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs)
-        .with_inserted_indices(Indices::U32(indices));
-    if tangents {
-        let across = |n: &[f32; 3]| {
-            let t = Vec3::Y.cross(Vec3::from(*n)).try_normalize().unwrap_or(Vec3::X);
-            [t.x, t.y, t.z, 1.0]
-        };
-        mesh.insert_attribute(Mesh::ATTRIBUTE_TANGENT, normals.iter().map(across).collect::<Vec<_>>());
-    }
-    mesh
 }
 
 /// Returns the difference of two pictures: the largest difference of a channel, in units of 1/255, and the fraction of
