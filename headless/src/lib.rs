@@ -4,6 +4,7 @@
 mod bandwidth;
 mod crowd;
 mod draw;
+mod image;
 mod load;
 mod submit;
 mod turn;
@@ -13,6 +14,8 @@ pub use bandwidth::Bandwidth;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 #[doc(hidden)]
 pub use draw::{Draws, PoseUpload, Uploaded};
+#[doc(hidden)]
+pub use image::{Image, ImageDesc};
 #[doc(hidden)]
 pub use wait::wait_idle;
 

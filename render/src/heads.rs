@@ -2,7 +2,7 @@
 
 use crate::cull::PoseBounds;
 use crate::glow::Glow;
-use crate::memory::Buffer;
+use crate::memory::{Buffer, buffer, write};
 use crate::model::Model;
 use crate::normals::Normals;
 use crate::parts::Part;
@@ -131,9 +131,8 @@ impl Heads {
         // Recomputed normals are float32.
         let pose = if normals.is_some() { PoseFormat::Float32 } else { update.pose };
         let renderer = RendererDesc { pose, masks: masks.is_some() };
-        let (instance, physical, device) = headless.handles();
-        // SAFETY: the handles belong together and outlive the heads: the caller's obligations.
-        let renderer = unsafe { Renderer::new(instance, physical, device, &renderer) }?;
+        // SAFETY: the device outlives the heads: the caller's obligation.
+        let renderer = unsafe { Renderer::new(headless, &renderer) }?;
         // SAFETY: fields drop in order, the model before the mesh that it reads.
         let model = unsafe { Model::new(&renderer, mesh, packed.layout(), parts) }?;
         let mut recomputed = None;
@@ -344,7 +343,7 @@ impl Processor {
         let bytes = count as usize * crowd.stored_pose(0, 0)?.len();
         let bytes = bytes * if masks.is_some() { 3 } else { 2 };
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
-        let buffers = (0..frames).map(|_| Buffer::new(&renderer.gpu, bytes.max(4), usage, false));
+        let buffers = (0..frames).map(|_| buffer(&renderer.gpu, bytes, usage));
         let scale = |group: usize| -> Result<Scale> {
             let grid = update.grid(packed.groups()[group].layout())?;
             Ok(grid.map_or(Scale::ONE, |grid| Scale { scale: grid.units, offsets: grid.offsets }))
@@ -370,9 +369,9 @@ impl Processor {
         // The first poses have no previous ones.
         let before = if self.last.is_empty() { &poses } else { &self.last };
         let buffer = &mut self.buffers[frame];
-        buffer.write(0, &poses);
-        buffer.write(poses.len(), before);
-        buffer.write(2 * poses.len(), &folds);
+        write(buffer, 0, &poses)?;
+        write(buffer, poses.len(), before)?;
+        write(buffer, 2 * poses.len(), &folds)?;
         self.last = poses;
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The static data of a drawn mesh: indices and parts.
 
 use crate::glow::pieces_of;
-use crate::memory::Buffer;
+use crate::memory::{self, Buffer};
 use crate::parts::Part;
 use crate::renderer::Renderer;
 use crate::scene::{Head, Masks, Scale};
@@ -71,7 +71,7 @@ impl Model {
         let places: Vec<u32> = (0..count as u32).collect();
         let rest = at_rest(mesh, &places, count);
         let (bytes, scale) = stored(renderer.desc.pose, &rest);
-        let pose = Buffer::filled(&renderer.gpu, &bytes, vk::BufferUsageFlags::VERTEX_BUFFER)?;
+        let pose = memory::filled(&renderer.gpu, &bytes, vk::BufferUsageFlags::VERTEX_BUFFER)?;
         let still = Self::placed(renderer, mesh, parts, places, (count, count.max(1) as u32))?;
         self.still = Some(Box::new(Self { stands: Some((pose, scale)), ..still }));
         Ok(())
@@ -112,11 +112,11 @@ impl Model {
             .map(|&v| mesh.positions[v as usize])
             .fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
         let gpu = &renderer.gpu;
-        let filled = |indices: &[u32]| Buffer::filled(gpu, cast_slice(indices), vk::BufferUsageFlags::INDEX_BUFFER);
+        let filled = |indices: &[u32]| memory::filled(gpu, cast_slice(indices), vk::BufferUsageFlags::INDEX_BUFFER);
         Ok(Self {
             indices: filled(&indices)?,
             edges: (filled(&edges)?, edges.len() as u32),
-            rest: Buffer::filled(
+            rest: memory::filled(
                 gpu,
                 cast_slice(&at_rest(mesh, &places, padded)),
                 vk::BufferUsageFlags::VERTEX_BUFFER,

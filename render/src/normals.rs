@@ -1,9 +1,10 @@
 //! Normals of the morphed surface, in place of sums of the targets' normal deltas.
 
-use crate::memory::{Buffer, Gpu};
+use crate::memory::{Buffer, buffer};
 use crate::scene::{Head, Scale};
 use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget};
 use deltamorph::ash::vk::BufferUsageFlags as Usage;
+use deltamorph::internals::gpu::device::Device;
 use deltamorph::{Crowd, PackedMesh, Result};
 use deltamorph_headless::Headless;
 use std::sync::Arc;
@@ -22,7 +23,7 @@ impl Normals {
     /// Has all updates of `crowd` write normals of the surface that `desc` describes.
     pub(crate) fn new(
         headless: &Headless,
-        gpu: &Arc<Gpu>,
+        gpu: &Arc<Device>,
         packed: &PackedMesh,
         crowd: &mut Crowd,
         desc: &NormalsDesc<'_>,
@@ -30,7 +31,7 @@ impl Normals {
         let engine = headless.engine();
         let heads = crowd.desc().instances as usize;
         let size = VERTEX * packed.layout().vertex_count;
-        let output = Buffer::new(gpu, heads * size.max(4), Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER, false)?;
+        let output = buffer(gpu, heads * size, Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER)?;
         // SAFETY: the buffer is recording, runs once, and is waited for.
         let mut surface = headless.run(|cmd| unsafe { engine.upload_normals(cmd, packed, desc) })?;
         // SAFETY: the upload has run.

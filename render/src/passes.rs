@@ -1,8 +1,8 @@
 //! The render passes, with their attachments and dependencies.
 
-use crate::memory::{Gpu, failed};
 use deltamorph::ash::vk;
-use deltamorph::{PoseFormat, Result};
+use deltamorph::internals::gpu::device::Device;
+use deltamorph::{Error, PoseFormat, Result};
 use std::slice::from_ref;
 use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
 
@@ -43,7 +43,7 @@ fn reference(attachment: u32, layout: Layout) -> vk::AttachmentReference {
 }
 
 /// Makes the shadow pass: depth as seen from the key light, to be read by fragment shaders.
-pub(crate) fn shadow(gpu: &Gpu) -> Result<vk::RenderPass> {
+pub(crate) fn shadow(gpu: &Device) -> Result<vk::RenderPass> {
     let attachments = [attachment(SHADOW_FORMAT, ONE, KEEP, Layout::DEPTH_STENCIL_READ_ONLY_OPTIMAL)];
     let depth = reference(0, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
     let subpass = vk::SubpassDescription::default().depth_stencil_attachment(&depth);
@@ -64,12 +64,12 @@ pub(crate) fn shadow(gpu: &Gpu) -> Result<vk::RenderPass> {
     ];
     let info = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(from_ref(&subpass));
     // SAFETY: the device is alive, as long as `gpu` is; the renderer destroys the pass.
-    let pass = unsafe { gpu.device.create_render_pass(&info.dependencies(&dependencies), None) };
-    pass.map_err(failed("vkCreateRenderPass"))
+    let pass = unsafe { gpu.raw.create_render_pass(&info.dependencies(&dependencies), None) };
+    pass.map_err(Error::vulkan("vkCreateRenderPass"))
 }
 
 /// Makes the picture pass: multisampled colours and depth, resolved into an image that is left for copies.
-pub(crate) fn picture(gpu: &Gpu, depth_format: vk::Format) -> Result<vk::RenderPass> {
+pub(crate) fn picture(gpu: &Device, depth_format: vk::Format) -> Result<vk::RenderPass> {
     let attachments = [
         attachment(FORMAT, SAMPLES, DROP, Layout::COLOR_ATTACHMENT_OPTIMAL),
         attachment(depth_format, SAMPLES, DROP, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL),
@@ -101,6 +101,6 @@ pub(crate) fn picture(gpu: &Gpu, depth_format: vk::Format) -> Result<vk::RenderP
     ];
     let info = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(from_ref(&subpass));
     // SAFETY: as in `shadow`.
-    let pass = unsafe { gpu.device.create_render_pass(&info.dependencies(&dependencies), None) };
-    pass.map_err(failed("vkCreateRenderPass"))
+    let pass = unsafe { gpu.raw.create_render_pass(&info.dependencies(&dependencies), None) };
+    pass.map_err(Error::vulkan("vkCreateRenderPass"))
 }

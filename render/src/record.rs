@@ -50,7 +50,7 @@ impl Renderer {
         let mut draws = [0; 2];
         target.check_glow(model, scene.show)?;
         self.check_masks(heads, scene.show)?;
-        let device = &self.gpu.device;
+        let device = &self.gpu.raw;
         let far = vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 } };
         let behind = vk::ClearValue { color: vk::ClearColorValue { float32: background } };
         let edge = vk::Extent2D { width: SHADOW_EDGE, height: SHADOW_EDGE };
@@ -141,7 +141,7 @@ impl Renderer {
         head: &Head,
         (number, what, parts): (usize, What, Vec<Part>),
     ) {
-        let device = &self.gpu.device;
+        let device = &self.gpu.raw;
         let standing = model.standing(head);
         let head = standing.as_ref().unwrap_or(head);
         let both = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;

@@ -1,11 +1,12 @@
 //! Passes, layouts and pipelines.
 
-use crate::memory::{Gpu, failed};
 use crate::modules;
 use crate::passes::{self, RendererDesc, SAMPLES};
 use crate::scene::PartPush;
-use deltamorph::Result;
-use deltamorph::ash::{self, vk};
+use deltamorph::ash::vk;
+use deltamorph::internals::gpu::device::Device;
+use deltamorph::{Error, Result};
+use deltamorph_headless::Headless;
 use std::slice::from_ref;
 use std::sync::Arc;
 
@@ -34,7 +35,8 @@ type Input = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttribu
 
 /// Draws poses of one format.
 pub(crate) struct Renderer {
-    pub(crate) gpu: Arc<Gpu>,
+    pub(crate) gpu: Arc<Device>,
+    pub(crate) limits: vk::PhysicalDeviceLimits,
     pub(crate) desc: RendererDesc,
     pub(crate) depth_format: vk::Format,
     pub(crate) shadow_pass: vk::RenderPass,
@@ -63,18 +65,13 @@ impl Renderer {
     /// The device fails or lacks memory.
     ///
     /// # Safety
-    /// - The handles belong together, and outlive the renderer and all [models](crate::Model) and
-    ///   [targets](crate::Target) made with it.
+    /// - The device outlives the renderer and all [models](crate::Model) and [targets](crate::Target) made with it.
     /// - The device has Vulkan 1.1.
     /// - A renderer, model or target is dropped only when no commands recorded with it are still to run.
-    pub(crate) unsafe fn new(
-        instance: &ash::Instance,
-        physical: vk::PhysicalDevice,
-        device: &ash::Device,
-        desc: &RendererDesc,
-    ) -> Result<Self> {
-        // SAFETY: the caller's obligations.
-        let gpu = unsafe { Gpu::new(instance, physical, device) };
+    pub(crate) unsafe fn new(headless: &Headless, desc: &RendererDesc) -> Result<Self> {
+        let (instance, physical, _) = headless.handles();
+        // SAFETY: the physical device is the instance's.
+        let limits = unsafe { instance.get_physical_device_properties(physical) }.limits;
         // Vulkan guarantees one of the two; 32 bits are better.
         let usable = |format: &vk::Format| {
             // SAFETY: the physical device is the instance's.
@@ -84,7 +81,8 @@ impl Renderer {
         let depths = [vk::Format::D32_SFLOAT, vk::Format::X8_D24_UNORM_PACK32];
         let depth_format = depths.into_iter().find(usable).unwrap_or(vk::Format::D16_UNORM);
         let mut this = Self {
-            gpu,
+            gpu: headless.engine().device().clone(),
+            limits,
             desc: *desc,
             depth_format,
             shadow_pass: vk::RenderPass::null(),
@@ -107,7 +105,7 @@ impl Renderer {
     }
 
     fn make_layouts(&mut self) -> Result<()> {
-        let device = &self.gpu.device;
+        let device = &self.gpu.raw;
         let both = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
         let binding = |binding, kind, stages| {
             let one = vk::DescriptorSetLayoutBinding::default().binding(binding).descriptor_count(1);
@@ -127,12 +125,12 @@ impl Renderer {
         // SAFETY: as in `passes`.
         unsafe {
             let set_layout = device.create_descriptor_set_layout(&info, None);
-            self.set_layout = set_layout.map_err(failed("vkCreateDescriptorSetLayout"))?;
-            self.sampler = device.create_sampler(&sampler, None).map_err(failed("vkCreateSampler"))?;
+            self.set_layout = set_layout.map_err(Error::vulkan("vkCreateDescriptorSetLayout"))?;
+            self.sampler = device.create_sampler(&sampler, None).map_err(Error::vulkan("vkCreateSampler"))?;
             let push = vk::PushConstantRange { stage_flags: both, offset: 0, size: size_of::<PartPush>() as u32 };
             let info = vk::PipelineLayoutCreateInfo::default().set_layouts(from_ref(&self.set_layout));
             let layout = device.create_pipeline_layout(&info.push_constant_ranges(from_ref(&push)), None);
-            self.layout = layout.map_err(failed("vkCreatePipelineLayout"))?;
+            self.layout = layout.map_err(Error::vulkan("vkCreatePipelineLayout"))?;
         }
         Ok(())
     }
@@ -213,7 +211,7 @@ impl Renderer {
         (bindings, attributes): Input,
         drawn: Drawn,
     ) -> Result<vk::Pipeline> {
-        let device = &self.gpu.device;
+        let device = &self.gpu.raw;
         let colours = code.len() > 1;
         let mut made = vec![];
         for bytes in code {
@@ -225,7 +223,7 @@ impl Renderer {
                 Ok(module) => made.push(module),
                 Err(error) => {
                     self.destroy_modules(made);
-                    return Err(failed("vkCreateShaderModule")(error));
+                    return Err(Error::vulkan("vkCreateShaderModule")(error));
                 }
             }
         }
@@ -272,18 +270,18 @@ impl Renderer {
         // SAFETY: everything that `info` points to is alive, and made for this device.
         let pipelines = unsafe { device.create_graphics_pipelines(vk::PipelineCache::null(), from_ref(&info), None) };
         self.destroy_modules(made);
-        pipelines.map(|made| made[0]).map_err(|(_, error)| failed("vkCreateGraphicsPipelines")(error))
+        pipelines.map(|made| made[0]).map_err(|(_, error)| Error::vulkan("vkCreateGraphicsPipelines")(error))
     }
 
     fn destroy_modules(&self, modules: Vec<vk::ShaderModule>) {
         // SAFETY: made by `pipeline`, each destroyed once; pipelines do not need their modules once they are made.
-        modules.into_iter().for_each(|module| unsafe { self.gpu.device.destroy_shader_module(module, None) });
+        modules.into_iter().for_each(|module| unsafe { self.gpu.raw.destroy_shader_module(module, None) });
     }
 }
 
 impl Drop for Renderer {
     fn drop(&mut self) {
-        let device = &self.gpu.device;
+        let device = &self.gpu.raw;
         // SAFETY: ours, destroyed once, and not in use, as the caller of `new` guarantees.
         unsafe {
             let faces = [self.shaded, self.plain, self.motion, self.wrinkled].into_iter().flatten();

@@ -1,7 +1,6 @@
 //! Pictures without a window, with several frames in flight.
 
 use crate::heads::{Heads, HeadsDesc, Updated};
-use crate::memory::failed;
 use crate::parts::Part;
 use crate::scene::{Scene, Show};
 use crate::target::{Picture, Target};
@@ -52,7 +51,7 @@ impl<'a> Studio<'a> {
         let info = info.flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: the device has this family; destroyed by `drop`.
         let pool = unsafe { headless.handles().2.create_command_pool(&info, None) };
-        let pool = pool.map_err(failed("vkCreateCommandPool"))?;
+        let pool = pool.map_err(Error::vulkan("vkCreateCommandPool"))?;
         let mut this = Self { headless, frames: vec![], pending: VecDeque::new(), pool, draws: [0; 2], heads };
         for _ in 0..desc.frames {
             let frame = this.frame(size)?;
@@ -68,8 +67,9 @@ impl<'a> Studio<'a> {
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         // SAFETY: the pool is ours, and frees its buffers; the fence is destroyed by `drop`.
         let (cmd, fence) = unsafe {
-            let cmd = device.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers"))?[0];
-            let fence = device.create_fence(&vk::FenceCreateInfo::default(), None).map_err(failed("vkCreateFence"))?;
+            let cmd = device.allocate_command_buffers(&info).map_err(Error::vulkan("vkAllocateCommandBuffers"))?[0];
+            let fence =
+                device.create_fence(&vk::FenceCreateInfo::default(), None).map_err(Error::vulkan("vkCreateFence"))?;
             (cmd, fence)
         };
         Ok(Frame { target, cmd, fence })
@@ -105,7 +105,7 @@ impl<'a> Studio<'a> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let device = self.headless.handles().2;
         // SAFETY: the buffer is ours, and not pending: its fence has been waited for.
-        unsafe { device.begin_command_buffer(cmd, &info) }.map_err(failed("vkBeginCommandBuffer"))?;
+        unsafe { device.begin_command_buffer(cmd, &info) }.map_err(Error::vulkan("vkBeginCommandBuffer"))?;
         // SAFETY: as above; the buffer is submitted once, in order, or the update is discarded.
         let updated = unsafe { self.heads.update(self.headless.engine(), cmd, slot, weights) };
         let recorded = match &updated {
@@ -113,7 +113,7 @@ impl<'a> Studio<'a> {
             Err(_) => Ok(()),
         };
         // SAFETY: begun above.
-        let ended = unsafe { device.end_command_buffer(cmd) }.map_err(failed("vkEndCommandBuffer"));
+        let ended = unsafe { device.end_command_buffer(cmd) }.map_err(Error::vulkan("vkEndCommandBuffer"));
         let updated: Updated = updated?;
         let submitted = recorded.and(ended).and_then(|()| self.submit(slot));
         if submitted.is_err() {
@@ -146,20 +146,22 @@ impl<'a> Studio<'a> {
         let info = vk::SubmitInfo::default().command_buffers(from_ref(cmd));
         // SAFETY: recorded above; the fence is not in use; `Headless` is used by one thread at a time.
         unsafe {
-            device.reset_fences(from_ref(fence)).map_err(failed("vkResetFences"))?;
-            device.queue_submit(self.headless.queue().0, from_ref(&info), *fence).map_err(failed("vkQueueSubmit"))
+            device.reset_fences(from_ref(fence)).map_err(Error::vulkan("vkResetFences"))?;
+            device
+                .queue_submit(self.headless.queue().0, from_ref(&info), *fence)
+                .map_err(Error::vulkan("vkQueueSubmit"))
         }
     }
 
     /// Waits for the oldest picture that is being drawn.
     fn next_finished(&mut self) -> Result<Option<Picture>> {
         let Some(&slot) = self.pending.front() else { return Ok(None) };
-        let frame = &self.frames[slot];
+        let frame = &mut self.frames[slot];
         // SAFETY: the fence was submitted.
         let waited = unsafe { self.headless.handles().2.wait_for_fences(&[frame.fence], true, u64::MAX) };
-        waited.map_err(failed("vkWaitForFences"))?;
+        waited.map_err(Error::vulkan("vkWaitForFences"))?;
         self.pending.pop_front();
-        Ok(Some(frame.target.picture()))
+        Ok(Some(frame.target.picture()?))
     }
 
     /// Returns the numbers of draws of the last picture begun: recorded, and skipped by culling ([`HeadsDesc::cull`]).

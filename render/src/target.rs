@@ -2,14 +2,16 @@
 
 use crate::cull::is_outside;
 use crate::glow::Glow;
-use crate::memory::{Buffer, Gpu, Image, ImageDesc, failed};
+use crate::memory::{Buffer, buffer, image, write};
 use crate::model::Model;
 use crate::passes::{FORMAT, SAMPLES, SHADOW_EDGE, SHADOW_FORMAT};
 use crate::renderer::Renderer;
 use crate::scene::{Head, HeadScene, Scene, Show};
 use bytemuck::{bytes_of, cast_slice};
 use deltamorph::ash::vk;
+use deltamorph::internals::gpu::device::Device;
 use deltamorph::{Error, Result};
+use deltamorph_headless::Image;
 use glam::{Mat4, Vec3};
 use std::slice::from_ref;
 use std::sync::Arc;
@@ -27,7 +29,7 @@ pub struct Picture {
 /// An image to draw into, with the other resources of a frame: samples, depth, a shadow map, data for shaders, and a
 /// buffer for pixels. One is needed for each frame in flight.
 pub struct Target {
-    gpu: Arc<Gpu>,
+    gpu: Arc<Device>,
     pub(crate) extent: vk::Extent2D,
     pub(crate) framebuffer: vk::Framebuffer,
     pub(crate) shadow_framebuffer: vk::Framebuffer,
@@ -61,7 +63,7 @@ impl Target {
         use vk::ImageUsageFlags as Usage;
         let gpu = renderer.gpu.clone();
         let heads = heads.max(1) as usize;
-        let most = gpu.limits.max_image_dimension2_d.min(gpu.limits.max_framebuffer_width);
+        let most = renderer.limits.max_image_dimension2_d.min(renderer.limits.max_framebuffer_width);
         let [width, height] = size;
         if width == 0 || height == 0 || width.max(height) > most {
             return Err(Error::Invalid {
@@ -70,25 +72,20 @@ impl Target {
             });
         }
         let extent = vk::Extent2D { width, height };
-        let of = |extent, format, samples, usage, aspect| {
-            Image::new(&gpu, &ImageDesc { extent, format, samples, usage, aspect })
-        };
         let depth = Usage::DEPTH_STENCIL_ATTACHMENT;
         let passing = Usage::TRANSIENT_ATTACHMENT;
         let one = vk::SampleCountFlags::TYPE_1;
-        let coloured = vk::ImageAspectFlags::COLOR;
-        let deep = vk::ImageAspectFlags::DEPTH;
         let edge = vk::Extent2D { width: SHADOW_EDGE, height: SHADOW_EDGE };
-        let image = of(extent, FORMAT, one, Usage::COLOR_ATTACHMENT | Usage::TRANSFER_SRC, coloured)?;
-        let samples = of(extent, FORMAT, SAMPLES, Usage::COLOR_ATTACHMENT | passing, coloured)?;
-        let shadow_map = of(edge, SHADOW_FORMAT, one, depth | Usage::SAMPLED, deep)?;
-        let depth = of(extent, renderer.depth_format, SAMPLES, depth | passing, deep)?;
+        let samples = image(&gpu, extent, FORMAT, SAMPLES, Usage::COLOR_ATTACHMENT | passing)?;
+        let shadow_map = image(&gpu, edge, SHADOW_FORMAT, one, depth | Usage::SAMPLED)?;
+        let depth = image(&gpu, extent, renderer.depth_format, SAMPLES, depth | passing)?;
+        let image = image(&gpu, extent, FORMAT, one, Usage::COLOR_ATTACHMENT | Usage::TRANSFER_SRC)?;
         let bytes = width as usize * height as usize * 4;
-        let pixels = Buffer::new(&gpu, bytes, vk::BufferUsageFlags::TRANSFER_DST, true)?;
-        let alignment = gpu.limits.min_uniform_buffer_offset_alignment as usize;
+        let pixels = buffer(&gpu, bytes, vk::BufferUsageFlags::TRANSFER_DST)?;
+        let alignment = renderer.limits.min_uniform_buffer_offset_alignment as usize;
         let stride = size_of::<HeadScene>().next_multiple_of(alignment.max(1));
-        let scenes = Buffer::new(&gpu, stride * heads, vk::BufferUsageFlags::UNIFORM_BUFFER, false)?;
-        let glow = Buffer::new(&gpu, 4, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
+        let scenes = buffer(&gpu, stride * heads, vk::BufferUsageFlags::UNIFORM_BUFFER)?;
+        let glow = buffer(&gpu, 4, vk::BufferUsageFlags::STORAGE_BUFFER)?;
         let framebuffer = vk::Framebuffer::null();
         let set = vk::DescriptorSet::null();
         let pool = vk::DescriptorPool::null();
@@ -111,9 +108,9 @@ impl Target {
             depth,
             shadow_map,
         };
-        let views = [this.samples.view, this.depth.view, this.image.view];
+        let views = [&this.samples, &this.depth, &this.image].map(|image| image.views[0]);
         this.framebuffer = this.framebuffer(renderer.pass, &views, extent)?;
-        this.shadow_framebuffer = this.framebuffer(renderer.shadow_pass, &[this.shadow_map.view], edge)?;
+        this.shadow_framebuffer = this.framebuffer(renderer.shadow_pass, &[this.shadow_map.views[0]], edge)?;
         this.make_set(renderer)?;
         Ok(this)
     }
@@ -121,7 +118,7 @@ impl Target {
     /// Returns the image, and a view of it. After [`Heads::record`](crate::Heads::record) it is in
     /// `TRANSFER_SRC_OPTIMAL`.
     pub fn image(&self) -> (vk::Image, vk::ImageView) {
-        (self.image.raw, self.image.view)
+        (self.image.raw, self.image.views[0])
     }
 
     /// Returns width and height.
@@ -140,7 +137,7 @@ impl Target {
         let read = [vk::MemoryBarrier::default()
             .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
             .dst_access_mask(vk::AccessFlags::HOST_READ)];
-        let device = &self.gpu.device;
+        let device = &self.gpu.raw;
         let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
         let [from, to] = [vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST];
         // SAFETY: the caller's obligations; the buffer has room for the pixels of the image.
@@ -151,8 +148,13 @@ impl Target {
     }
 
     /// Returns the pixels of the last copy, which has run.
-    pub fn picture(&self) -> Picture {
-        Picture { size: self.size(), rgba: self.pixels.contents().to_vec() }
+    ///
+    /// # Errors
+    /// The device has not mapped them.
+    pub fn picture(&mut self) -> Result<Picture> {
+        let [width, height] = self.size();
+        let rgba = self.pixels.mapped()?[..width as usize * height as usize * 4].to_vec();
+        Ok(Picture { size: [width, height], rgba })
     }
 
     fn framebuffer(
@@ -163,12 +165,12 @@ impl Target {
     ) -> Result<vk::Framebuffer> {
         let info = vk::FramebufferCreateInfo::default().render_pass(pass).attachments(views).layers(1);
         // SAFETY: the device is alive as long as `gpu`; the views match the pass.
-        let made = unsafe { self.gpu.device.create_framebuffer(&info.width(extent.width).height(extent.height), None) };
-        made.map_err(failed("vkCreateFramebuffer"))
+        let made = unsafe { self.gpu.raw.create_framebuffer(&info.width(extent.width).height(extent.height), None) };
+        made.map_err(Error::vulkan("vkCreateFramebuffer"))
     }
 
     fn make_set(&mut self, renderer: &Renderer) -> Result<()> {
-        let device = &self.gpu.device;
+        let device = &self.gpu.raw;
         let kinds = [
             vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC,
             vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
@@ -178,14 +180,14 @@ impl Target {
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: as in `framebuffer`; the set is of the pool, and goes with it.
         unsafe {
-            self.pool = device.create_descriptor_pool(&info, None).map_err(failed("vkCreateDescriptorPool"))?;
+            self.pool = device.create_descriptor_pool(&info, None).map_err(Error::vulkan("vkCreateDescriptorPool"))?;
             let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.pool);
             let sets = device.allocate_descriptor_sets(&info.set_layouts(from_ref(&renderer.set_layout)));
-            self.set = sets.map_err(failed("vkAllocateDescriptorSets"))?[0];
+            self.set = sets.map_err(Error::vulkan("vkAllocateDescriptorSets"))?[0];
         }
         let scenes = [vk::DescriptorBufferInfo::default().buffer(self.scenes.raw).range(size_of::<HeadScene>() as u64)];
         let map = [vk::DescriptorImageInfo::default()
-            .image_view(self.shadow_map.view)
+            .image_view(self.shadow_map.views[0])
             .image_layout(vk::ImageLayout::DEPTH_STENCIL_READ_ONLY_OPTIMAL)
             .sampler(renderer.sampler)];
         let write = |binding: u32| {
@@ -203,7 +205,7 @@ impl Target {
         let write = vk::WriteDescriptorSet::default().dst_set(self.set).dst_binding(2).buffer_info(&glow);
         let write = write.descriptor_type(vk::DescriptorType::STORAGE_BUFFER);
         // SAFETY: the set is not in use: it is new, or no commands recorded with the target are still to run.
-        unsafe { self.gpu.device.update_descriptor_sets(&[write], &[]) };
+        unsafe { self.gpu.raw.update_descriptor_sets(&[write], &[]) };
     }
 
     /// Sets the brightness of the pieces of a head, for [`Show::Blocks`](crate::Show::Blocks), from the next draw on.
@@ -218,13 +220,12 @@ impl Target {
         let numbers = glow.pieces();
         self.check_heads(head + 1)?;
         if self.numbers != numbers.len() {
-            let bytes = (4 * numbers.len() * self.heads).max(4);
-            self.glow = Buffer::new(&self.gpu, bytes, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
+            let bytes = 4 * numbers.len() * self.heads;
+            self.glow = buffer(&self.gpu, bytes, vk::BufferUsageFlags::STORAGE_BUFFER)?;
             self.numbers = numbers.len();
             self.bind_glow();
         }
-        self.glow.write(4 * head * numbers.len(), cast_slice(numbers));
-        Ok(())
+        write(&mut self.glow, 4 * head * numbers.len(), cast_slice(numbers))
     }
 
     /// Returns the number of brightness values per head.
@@ -256,14 +257,14 @@ impl Target {
     pub(crate) fn write(&mut self, scene: &Scene, model: &Model, heads: &[Head]) -> Result<Vec<[bool; 2]>> {
         self.check_heads(heads.len())?;
         let map = Mat4::from_translation(Vec3::new(-1.0, -1.0, 0.0)) * Mat4::from_scale(Vec3::new(2.0, 2.0, 1.0));
-        let write = |(i, head): (usize, &Head)| {
+        let of_head = |(i, head): (usize, &Head)| {
             let data = scene.head(&head.place, model.middle, 1.0 / SHADOW_EDGE as f32);
-            self.scenes.write(i * self.stride, bytes_of(&data));
+            write(&mut self.scenes, i * self.stride, bytes_of(&data))?;
             // Still parts may reach beyond the pose.
             let bounds = head.bounds.filter(|_| model.still.is_none());
-            [map * data.shadow, data.clip].map(|clip| !bounds.is_some_and(|bounds| is_outside(&clip, &bounds)))
+            Ok([map * data.shadow, data.clip].map(|clip| !bounds.is_some_and(|bounds| is_outside(&clip, &bounds))))
         };
-        Ok(heads.iter().enumerate().map(write).collect())
+        heads.iter().enumerate().map(of_head).collect()
     }
 
     /// Returns the offset of a head's scene data.
@@ -276,9 +277,9 @@ impl Drop for Target {
     fn drop(&mut self) {
         // SAFETY: ours, destroyed once, and not in use: see `Renderer::new`.
         unsafe {
-            self.gpu.device.destroy_descriptor_pool(self.pool, None);
-            self.gpu.device.destroy_framebuffer(self.framebuffer, None);
-            self.gpu.device.destroy_framebuffer(self.shadow_framebuffer, None);
+            self.gpu.raw.destroy_descriptor_pool(self.pool, None);
+            self.gpu.raw.destroy_framebuffer(self.framebuffer, None);
+            self.gpu.raw.destroy_framebuffer(self.shadow_framebuffer, None);
         }
     }
 }

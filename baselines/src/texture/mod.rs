@@ -37,8 +37,8 @@ use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
 use deltamorph::internals::update::dense::DensePlanner;
 use deltamorph::internals::update::technique::{Context, PoseDraws, Technique, UpdateId};
+use deltamorph_headless::{Image, ImageDesc};
 use draws::TextureDraws;
-use images::Image;
 use passes::BlendPasses;
 use std::ops::Range;
 use std::sync::Arc;
@@ -138,10 +138,12 @@ pub(crate) unsafe fn upload(
         for (what, second) in [("first", false), ("second", true)] {
             let name = format!("deltamorph deltas of the {what} triple of mesh '{}'", layout.name);
             let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
-            let mut image = Image::new(device, &name, format, (baked.image, 1), usage)?;
+            let samples = vk::SampleCountFlags::TYPE_1;
+            let desc = ImageDesc { size: baked.image, layers: 1, format, samples, usage };
+            let mut image = Image::new(device, &name, &desc)?;
             image.view(0..1, false)?;
             let staging = images::staging(device, &baked.bytes(second, texel))?;
-            copies.push(((image.raw, image.size), staging.raw));
+            copies.push(((image.raw, baked.image), staging.raw));
             uploads.push(Upload::new(staging, vec![]));
             images.push(image);
         }

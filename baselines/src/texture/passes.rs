@@ -1,7 +1,7 @@
 //! The passes of `texture`: rectangles drawn into displacement textures.
 
 use super::blending::add_blending;
-use super::images::{Image, write_image};
+use super::images::write_image;
 use super::{Textures, words_of};
 use bytemuck::bytes_of;
 use deltamorph::ash::vk;
@@ -15,6 +15,7 @@ use deltamorph::internals::update::technique::Context;
 use deltamorph::internals::weights::delta::Coefficient;
 use deltamorph::shader_structure;
 use deltamorph::{Error, Result};
+use deltamorph_headless::{Image, ImageDesc};
 use std::sync::Arc;
 
 shader_structure! {
@@ -122,8 +123,9 @@ impl BlendPasses {
         let (name, size) =
             (format!("deltamorph displacements of mesh '{}'", mesh.layout.name), Textures::of(mesh).size);
         let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::SAMPLED;
+        let desc = ImageDesc { size, layers: 2, format: FORMAT, samples: vk::SampleCountFlags::TYPE_1, usage };
         for _ in 0..context.desc.instances {
-            let mut image = Image::new(device, &name, FORMAT, (size, 2), usage)?;
+            let mut image = Image::new(device, &name, &desc)?;
             let (view, layers) = (image.view(0..2, true)?, [image.view(0..1, false)?, image.view(1..2, false)?]);
             let info = vk::FramebufferCreateInfo::default()
                 .render_pass(passes.loading)
@@ -162,7 +164,7 @@ impl BlendPasses {
         let [width, height] = textures.size;
         let extent = vk::Extent2D { width, height };
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent };
-        let (scale, row) = ([2.0 / width as f32, 2.0 / height as f32], textures.images[0].size[0]);
+        let (scale, row) = ([2.0 / width as f32, 2.0 / height as f32], textures.images[0].desc.size[0]);
         let viewport =
             vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..vk::Viewport::default() };
         let clear = [vk::ClearValue::default(); 2];

@@ -177,7 +177,7 @@ impl Stage {
         self.rows.truncate(FRAMES - 1);
         self.rows.push_front(stats);
         if let Some(path) = screenshot {
-            Canvas::from(target.picture()).save(path)?;
+            Canvas::from(target.picture()?).save(path)?;
         }
         if !swapchain.present(index)? {
             self.resize()?;
