@@ -16,9 +16,9 @@
 //! # Ok(()) }
 //! ```
 //!
-//! [`VertexInput`] describes how a pipeline reads poses, with the WGSL for it. `examples/head.rs` is a complete host. No
-//! feature or extension of the device is needed; with [`SHADER_INT64`](wgpu::Features::SHADER_INT64), software drivers
-//! take half the time.
+//! [`VertexInput`] describes how a pipeline reads poses, with the WGSL for it. `examples/head.rs` is a complete host.
+//! No feature or extension of the device is needed; with [`SHADER_INT64`](wgpu::Features::SHADER_INT64), software
+//! drivers take half the time.
 //!
 //! # What the caller does
 //! - Submit the command buffer of [`Morph::update`] before the draws that read the new poses, in the same submit or an
