@@ -1,7 +1,6 @@
 //! What keys and mouse do beside the controls.
 
 use super::command::Command;
-use super::panel::ZOOM;
 use super::state::State;
 use egui::{Key, PointerButton, Rect, Sense, Ui, Vec2, vec2};
 
@@ -16,6 +15,8 @@ space: play, pause
 double click a slider: its weight 0
 P: hide and show the panel";
 
+/// Least and largest zoom.
+const ZOOM: [f32; 2] = [0.2, 20.0];
 /// Points by which arrows turn the camera.
 const STEP: f32 = 24.0;
 

@@ -2,20 +2,17 @@
 
 use super::command::{Command, LOOKS};
 use super::state::State;
-use super::style::{DIM, ERROR, PANEL};
+use super::style::{DIM, ERROR, PANEL, called};
 use super::{hands, plot, sliders};
 use crate::args::values::{name, summary};
 use crate::table::thousands;
 use deltamorph::{UpdateStats, import};
 use egui::{
-    Area, Button, ComboBox, Frame, Key, Margin, Panel, Rect, Response, RichText, ScrollArea, Slider, Ui,
-    style::ScrollAnimation,
+    Area, Button, ComboBox, Frame, Key, Margin, Panel, Rect, RichText, ScrollArea, Slider, Ui, style::ScrollAnimation,
 };
 use std::collections::VecDeque;
 use std::path::Path;
 
-/// Least and largest zoom.
-pub const ZOOM: [f32; 2] = [0.2, 20.0];
 /// Width of the panel, in points.
 const WIDTH: f32 = 332.0;
 /// A window that is smaller, in points, shows only the instance.
@@ -136,12 +133,6 @@ fn clip(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     });
     let text = format!("frame {} of {}, {} per second", state.at as usize, clip.frame_count(), clip.fps);
     ui.add(egui::Label::new(RichText::new(text).small().color(DIM)).truncate());
-}
-
-/// Names a control for those who cannot see what is beside it, and for tests.
-pub fn called(response: &Response, name: &str) -> Response {
-    response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
-    response.clone()
 }
 
 fn looks(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {

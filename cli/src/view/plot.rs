@@ -1,7 +1,6 @@
 //! Plots of the last updates: how many targets changed, and how many bytes moved.
 
-use super::panel::called;
-use super::style::{ACCENT, DIM, GRID, INK, PLATE};
+use super::style::{ACCENT, DIM, GRID, INK, PLATE, called};
 use crate::table::{bytes, thousands};
 use deltamorph::UpdateStats;
 use egui::{Align2, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, Ui, pos2, vec2};

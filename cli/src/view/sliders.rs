@@ -1,9 +1,8 @@
 //! Sliders for the targets.
 
 use super::command::Command;
-use super::panel::called;
 use super::state::State;
-use super::style::{DIM, INK};
+use super::style::{DIM, INK, called};
 use egui::{Align, Label, Layout, Rect, RichText, Sense, Slider, SliderClamping, Ui, UiBuilder, vec2};
 
 /// Height of a slider's row, the part of it that is its name, and the width of its number.

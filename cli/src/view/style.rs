@@ -1,6 +1,6 @@
-//! Colours and sizes: dark and calm, so that the face stands out.
+//! Colours, sizes and names of controls: dark and calm, so that the face stands out.
 
-use egui::{Color32, Context, Stroke, Theme, Visuals, vec2};
+use egui::{Color32, Context, Response, Stroke, Theme, Visuals, vec2};
 
 pub const PANEL: Color32 = Color32::from_rgb(0x17, 0x19, 0x1e);
 pub const PLATE: Color32 = Color32::from_rgb(0x1e, 0x21, 0x27);
@@ -30,4 +30,10 @@ pub fn apply(context: &Context, still: bool) {
         visuals.override_text_color = Some(INK);
         style.visuals = visuals;
     });
+}
+
+/// Names a control for those who cannot see what is beside it, and for tests.
+pub fn called(response: &Response, name: &str) -> Response {
+    response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
+    response.clone()
 }
