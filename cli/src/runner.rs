@@ -237,7 +237,7 @@ impl<'a> Runner<'a> {
         if let Self::Animated { crowds, .. } = self { crowds[0].read_weights(0).map(Some) } else { Ok(None) }
     }
 
-    /// Marks a cut: the next pose of the first instance has no predecessor.
+    /// The next pose of the first instance has no predecessor.
     pub fn reset_history(&mut self) -> deltamorph::Result<()> {
         match self {
             Self::Gpu(crowds) => crowds[0].reset_history(0),

@@ -69,8 +69,8 @@ fn soak(args: &SoakArgs, clips: &[BoundClip], checks: &mut Checks<'_>, out: &Out
     let mut sums = grid.map(|_| Sums { right: true, hash: 0 });
     let (every, bar) = (args.every(), out.bar(args.frames as u64));
     for frame in 0..args.frames {
-        let (weights, cut) = script.next();
-        if cut {
+        let (weights, is_reset) = script.next();
+        if is_reset {
             runner.reset_history()?;
         }
         let due = (frame + 1) % every == 0 || frame + 1 == args.frames;
@@ -134,7 +134,7 @@ impl<'a> Script<'a> {
         Self { rng, clips, range, now: vec![0.0; targets], left: 0, place: None }
     }
 
-    /// The weights of the next frame, and whether it is a cut.
+    /// The weights of the next frame, and whether it has no predecessor.
     fn next(&mut self) -> (&[f32], bool) {
         if self.left == 0 {
             self.left = STRETCH[0] + self.rng.below(STRETCH[1] - STRETCH[0]);
@@ -147,7 +147,7 @@ impl<'a> Script<'a> {
             };
         }
         self.left -= 1;
-        let cut = match &mut self.place {
+        let is_reset = match &mut self.place {
             Some((clip, frame)) => {
                 let clip = &self.clips[*clip];
                 if let Ok(weights) = clip.frame(*frame) {
@@ -159,7 +159,7 @@ impl<'a> Script<'a> {
             }
             None => self.random(),
         };
-        (&self.now, cut)
+        (&self.now, is_reset)
     }
 
     fn random(&mut self) -> bool {

@@ -33,7 +33,7 @@ struct Target {
     previous: Option<usize>,
     /// The next update resets the history; the last update that did.
     is_reset: bool,
-    cut_by: u64,
+    reset_by: u64,
     /// Some of the buffer's contents are unknown.
     is_stale: bool,
     /// The last update that wrote the buffer; 0: none, or it was discarded.
@@ -84,7 +84,7 @@ impl After {
             earlier: Earlier::new(place.frames),
             previous: None,
             is_reset: false,
-            cut_by: 0,
+            reset_by: 0,
             is_stale: true,
             written_by: 0,
             is_removed: false,
@@ -139,7 +139,7 @@ impl After {
             if target.written_by >= first {
                 (target.is_stale, target.written_by) = (true, 0);
             }
-            target.is_reset |= target.cut_by >= first;
+            target.is_reset |= target.reset_by >= first;
         }
     }
 
@@ -216,7 +216,7 @@ impl Target {
         }
         let is_reset = std::mem::take(&mut self.is_reset);
         if is_reset {
-            self.cut_by = id.update;
+            self.reset_by = id.update;
         }
         if self.changed.len() == 0 {
             return Ok(());

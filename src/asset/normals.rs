@@ -93,7 +93,8 @@ pub struct Deformer<'a> {
     /// Positions of the surface; deformed and restored by every call.
     positions: Vec<Vec3>,
     areas: Vec<DVec3>,
-    /// Faces and vertices that a call has come by; none between calls, so that a call costs no more than it moves.
+    /// Faces and vertices that the current call has visited; all false between calls. Kept, since clearing them would
+    /// take each call time for the whole mesh.
     seen_faces: Vec<bool>,
     seen_vertices: Vec<bool>,
 }

@@ -170,8 +170,8 @@ pub(crate) fn check_welds(welds: &[u32], vertices: usize) -> Result<(), String> 
     Ok(())
 }
 
-/// Returns the copies of `vertices`, ascending, and where the vertex that each doubles is among these. Both lists
-/// ascend by that vertex. A target costs what it moves, not what the mesh has of copies.
+/// Returns the copies of `vertices`, ascending, each with the index of its vertex in `vertices`. These ascend, and
+/// `copies` by their vertex. The time depends on the number of `vertices`, not on that of all `copies`.
 fn copies_of(vertices: impl Iterator<Item = u32>, copies: &[(u32, u32)]) -> Vec<(u32, usize)> {
     let mut found = vec![];
     for (at, v) in vertices.enumerate() {
@@ -183,7 +183,7 @@ fn copies_of(vertices: impl Iterator<Item = u32>, copies: &[(u32, u32)]) -> Vec<
     found
 }
 
-/// Gives each of `copies` the delta of the vertex that it doubles, by which they ascend. `deltas` have none for copies.
+/// Adds the deltas of copies: those of their vertices. `copies` ascend by their vertex; `deltas` have none for copies.
 pub(super) fn copy_deltas<T: Copy>(deltas: &mut Vec<(u32, T)>, copies: &[(u32, u32)]) {
     for (copy, at) in copies_of(deltas.iter().map(|(v, _)| *v), copies) {
         deltas.push((copy, deltas[at].1));

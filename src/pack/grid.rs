@@ -1,7 +1,6 @@
 //! The grid of weights, deltas and base poses on which integer sums are exact.
 
 use super::{DeltaFormat, POSE_FLOATS, PoseFormat};
-use crate::abi::formats::PoseRow;
 use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::error::{Error, Result, ensure, refuse};
 use std::ops::{Range, RangeInclusive};
@@ -253,15 +252,13 @@ impl Sums {
 
     /// The grid for the mesh's weights, up to `weight_max` in steps of 2^-`weight_bits`.
     fn place(&self, pose: PoseFormat, weight_max: f32, weight_bits: u32) -> Result<PoseGrid> {
-        let PoseRow { bits, rounds_sums, .. } = *pose.row();
-        let rounds = bits < i32::BITS;
         let mut grid = PoseGrid {
             weight_bits,
             weight_max,
             units: [0.0; POSE_FLOATS],
             offsets: [0.0; POSE_FLOATS],
-            rounds_sums,
-            rounds_terms: rounds && !rounds_sums,
+            rounds_sums: pose.row().rounds_sums,
+            rounds_terms: pose.rounds_products(),
             raised: [0; TRIPLES],
             decoding: [0.0; TRIPLES],
         };
@@ -290,7 +287,7 @@ impl Sums {
         let most = f64::from(u32::MAX >> (u32::BITS - bits + 1));
         let unit = |dropped: u32| product * f64::from(dropped).exp2();
         let fits = |dropped: &u32| half / unit(*dropped) + roundings as f64 / 2.0 <= most;
-        let rounds = grid.rounds_sums || grid.rounds_terms;
+        let rounds = bits < i32::BITS;
         let dropped = if rounds { (0..=DROPPED).find(fits) } else { Some(0) };
         let Some(dropped) = dropped else {
             let (targets, reach) = (self.targets, half / f64::from(self.steps[triple]));

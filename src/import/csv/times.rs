@@ -116,7 +116,7 @@ pub(super) fn space(table: &mut Table, is_given: bool) -> Result<Option<f32>> {
     let clocks = take(&mut table.clocks);
     for (column, times) in clocks.iter().filter(|_| !is_given) {
         let name = shortened(&table.names[*column]);
-        let seconds = seconds(&name, times).filter(|_| is_time(&name, *column)).unwrap_or_default();
+        let seconds = seconds(&name, times).unwrap_or_default();
         if let Some(fps) = at(table, &name, &seconds, false)? {
             if !USUAL.contains(&fps) {
                 let text = format!("column '{name}' gives {fps} frames a second; if that is not meant, give --fps");
@@ -126,11 +126,7 @@ pub(super) fn space(table: &mut Table, is_given: bool) -> Result<Option<f32>> {
         }
     }
     // Rows that have times are not counted.
-    let is_timed = |(column, times): &(usize, Vec<Time>)| {
-        let name = &table.names[*column];
-        is_time(name, *column) && seconds(name, times).is_some()
-    };
-    if is_given && clocks.iter().any(is_timed) {
+    if is_given && clocks.iter().any(|(column, times)| seconds(&table.names[*column], times).is_some()) {
         return Ok(None);
     }
     for column in 0..table.names.len() {

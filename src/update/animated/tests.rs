@@ -195,7 +195,7 @@ fn discarded_updates_change_nothing() {
 }
 
 #[test]
-fn a_cut_survives_a_discarded_update_that_hides_its_head() {
+fn a_reset_survives_a_discarded_update_that_hides_its_head() {
     let clips = clips(&[], KeyFormat::Bits32);
     let mut heads = Playbacks::new(1);
     (0..2).for_each(|update| assert_eq!(heads.update(&clips), update));
