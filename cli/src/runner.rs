@@ -160,24 +160,24 @@ impl<'a> Runner<'a> {
         Ok(Self::Gpu(parts.iter().map(crowd).collect::<deltamorph::Result<_>>()?))
     }
 
-    /// Like [`scene`](Self::scene), animated on the device: each crowd plays its clip, whose columns are the targets in
-    /// their order, and each instance is `ahead` frames ahead of the one before it.
+    /// Like [`scene`](Self::scene), animated on the device: the instances of each crowd play its clips in turns, whose
+    /// columns are the targets in their order, and each instance is `ahead` frames ahead of the one before it.
     pub fn animated(
         gpu: &'a Gpu,
         parts: &[(Arc<PackedMesh>, UpdateDesc)],
-        clips: &[WeightClip],
+        clips: Vec<Vec<WeightClip>>,
         heads: u32,
         ahead: usize,
     ) -> deltamorph::Result<Self> {
-        let (mut crowds, fps) = (vec![], clips[0].fps);
-        for (part, ((mesh, desc), clip)) in (0..).zip(parts.iter().zip(clips)) {
-            let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
-            let clip = WeightClip { names, ..clip.clone() };
+        let (mut crowds, fps) = (vec![], clips[0][0].fps);
+        for (part, ((mesh, desc), mut clips)) in (0..).zip(parts.iter().zip(clips)) {
+            let names: Vec<_> = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
+            clips.iter_mut().for_each(|clip| clip.names.clone_from(&names));
             let desc = CrowdDesc::new(*desc).instances(heads).frames_in_flight(1);
-            let mut crowd = HeadlessCrowd::animated(gpu, mesh, &desc, &AnimationDesc::new(from_ref(&clip)))?;
-            for head in 0..heads {
+            let mut crowd = HeadlessCrowd::animated(gpu, mesh, &desc, &AnimationDesc::new(&clips))?;
+            for (head, clip) in (0..heads).zip((0..clips.len() as u32).cycle()) {
                 let frames = f64::from(part * heads + head) * ahead as f64;
-                crowd.play(head, &Playback::new(0).start(-frames / f64::from(fps)))?;
+                crowd.play(head, &Playback::new(clip).start(-frames / f64::from(fps)))?;
             }
             crowds.push(crowd);
         }

@@ -148,8 +148,9 @@ fn begin<'a>(
     let parts: Vec<_> = meshes.iter().zip(setting.workloads).map(reach).collect();
     let runner = match (&parts[..], gpu) {
         (_, Some(gpu)) if config.animated => {
-            let clips: Vec<_> = setting.workloads.iter().map(Workload::as_clip).collect();
-            Runner::animated(gpu, &parts, &clips, setting.each(), setting.first().ahead())
+            let each = setting.each();
+            let clips = (0..).zip(setting.workloads).map(|(part, own)| own.as_clips(part * each..(part + 1) * each));
+            Runner::animated(gpu, &parts, clips.collect(), each, setting.first().ahead())
         }
         ([(mesh, desc)], _) => {
             let shared = running.iter().flatten().find_map(|trial| trial.runner_for(config));

@@ -2,6 +2,7 @@
 
 use deltamorph::{BoundClip, WeightClip};
 use deltamorph_headless::Draws;
+use std::ops::Range;
 
 /// Weights of every instance in every frame. Independent of path, batch size and format.
 pub struct Workload {
@@ -98,7 +99,10 @@ impl Workload {
     }
 
     pub fn weights(&self, head: u32, frame: usize) -> Vec<f32> {
-        let mut weights = self.frames[(frame + head as usize * self.ahead) % self.frames.len()].clone();
+        self.turn(self.frames[(frame + head as usize * self.ahead) % self.frames.len()].clone(), head)
+    }
+
+    fn turn(&self, mut weights: Vec<f32>, head: u32) -> Vec<f32> {
         let turned = head as usize * self.turned % weights.len().max(1);
         weights.rotate_right(turned);
         weights
@@ -109,10 +113,17 @@ impl Workload {
         self.frames.iter().flatten().fold(0.0, |most, weight| most.max(weight.abs()))
     }
 
-    /// Its frames as a clip of all targets, without their names.
-    pub fn as_clip(&self) -> WeightClip {
-        let (name, values) = (self.name.clone(), self.frames.concat());
-        WeightClip { name, fps: CLIP_FPS, values, ..WeightClip::default() }
+    /// Its frames as clips of all targets, without their names: as many as are different among those of `heads`, which
+    /// play them in turns.
+    pub fn as_clips(&self, heads: Range<u32>) -> Vec<WeightClip> {
+        let targets = self.frames[0].len();
+        let different = if self.turned == 0 { 1 } else { targets.clamp(1, heads.len()) };
+        let clip = |head| {
+            let turned = |frame: &Vec<f32>| self.turn(frame.clone(), head);
+            let values = self.frames.iter().flat_map(turned).collect();
+            WeightClip { name: self.name.clone(), fps: CLIP_FPS, values, ..WeightClip::default() }
+        };
+        heads.take(different).map(clip).collect()
     }
 
     /// Frames that an instance is ahead of the one before it.

@@ -120,8 +120,8 @@ fn techniques_compete_in_every_cell() {
 #[test]
 fn updates_pay_for_animated_weights_and_rebuilds_for_constant_ones_too() {
     let folder = tempfile::tempdir().unwrap();
-    let sizes = "--device llvmpipe --vertices 300 --targets 6 --frames 3 --time-limit 0.01 --heads 1 --quiet";
-    let more = "--paths blocks,compute --formats fast,float32 --constant 0,2,9";
+    let sizes = "--device llvmpipe --vertices 300 --targets 6 --frames 3 --time-limit 0.01 --heads 1,2 --quiet";
+    let more = "--paths blocks,compute --formats fast,float32 --poses float32,fixed16 --constant 0,2,9";
     let out = suite("techniques", &sizes.split(' ').chain(more.split(' ')).collect::<Vec<_>>(), folder.path());
     for mesh in ["dense", "8% sparse"] {
         for (change, constant) in [("4 non-zero of 6", 0), ("4 of 6 changed, 2 constant", 2)] {
@@ -134,6 +134,11 @@ fn updates_pay_for_animated_weights_and_rebuilds_for_constant_ones_too() {
             };
             let [blocks, compute, rebuild] = ["blocks", "compute", "compute rebuild"].map(bytes);
             assert!(blocks > 0.0 && (rebuild > compute) == (constant > 0), "{change}: {blocks} {rebuild} {compute}");
+            // The second head has other targets: on the device it plays a clip of its own.
+            let animated = |r: &Value| {
+                r["cell"] == format!("{mesh}, {change}, 2 heads") && r["technique"] == "blocks fixed16 animated"
+            };
+            assert!(out["runs"].as_array().unwrap().iter().any(animated), "{mesh}, {change}");
         }
     }
 }
