@@ -39,7 +39,7 @@ fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f3
         (DeltaFormat::Small, PoseFormat::Float32),
     ] {
         let packed = PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs");
-        let desc = UpdateDesc::blocks().pose(pose);
+        let desc = UpdateDesc { pose, ..UpdateDesc::blocks() };
         let mut planner = Planner::new(desc, [packed.layout()], 1).expect("a description that is right");
         let mut instances = Instances::new(1, mesh.targets.len(), desc.slots, 1);
         let mut number = 0;

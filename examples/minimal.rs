@@ -329,7 +329,7 @@ fn run(wanted: &str) -> Result<()> {
     let desc = DeviceDesc::new(&host.instance.raw, host.physical, &host.device);
     // SAFETY: the handles belong together, and are destroyed after the engine and its objects.
     let engine = unsafe { MorphEngine::new(&desc) }?;
-    let head_desc = head::HeadDesc::default().vertices(5_000).targets(52);
+    let head_desc = head::HeadDesc { vertices: 5_000, targets: 52, ..Default::default() };
     let source = head::head(&head_desc).to_mesh(Tolerance::default())?;
     let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
     let names: Vec<&str> = mesh.layout().targets.iter().map(|t| t.name.as_str()).collect();
@@ -352,7 +352,7 @@ fn run(wanted: &str) -> Result<()> {
     host.wait(&frames[0])?;
     // SAFETY: the upload has run.
     unsafe { uploaded.release_staging() };
-    let crowd_desc = CrowdDesc::new(UpdateDesc::blocks()).frames_in_flight(FRAMES_IN_FLIGHT as u32);
+    let crowd_desc = CrowdDesc { frames_in_flight: FRAMES_IN_FLIGHT as u32, ..CrowdDesc::new(UpdateDesc::blocks()) };
     let mut crowd = engine.create_crowd(&uploaded, &crowd_desc)?;
 
     // Draws a pose, which its update has made ready for vertex attributes, and copies the picture.

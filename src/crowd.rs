@@ -132,7 +132,7 @@ impl<K: TakesWeights> CrowdBase<K> {
     }
 
     /// Sets the error budget of `instance` from the next update on, in input units; at most
-    /// [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget), the default.
+    /// [`UpdateDesc::error_budget`](crate::UpdateDesc::error_budget), the default.
     /// [`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget) converts it from pixels. If it decreases,
     /// the next update applies changes deferred beyond it.
     ///

@@ -33,7 +33,7 @@
 //!         Ok(())
 //!     })?;
 //!     let uploaded = uploaded.expect("`run` has called the function");
-//!     let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks().slots(2)))?;
+//!     let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks()))?;
 //!     let mut weights = vec![0.0; uploaded.layout().targets.len()];
 //!     for frame in 0..60 {
 //!         weights[0] = frame as f32 / 60.0;
@@ -88,7 +88,6 @@ mod math;
 mod pack;
 mod plan;
 pub mod reference;
-mod setters;
 #[cfg(test)]
 mod testing;
 mod update;

@@ -18,7 +18,7 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap();
         for pose in PoseFormat::ALL {
             for error_budget in [0.0, 0.1] {
-                let desc = UpdateDesc::blocks().pose(pose).tolerance(1e-3).error_budget(error_budget);
+                let desc = UpdateDesc { pose, tolerance: 1e-3, error_budget, ..UpdateDesc::blocks() };
                 let mut planner = Planner::new(desc, [packed.layout()], 1).unwrap();
                 let mut instances = Instances::new(1, 40, desc.slots, 1);
                 let mut weights = vec![0.0f32; 40];
@@ -58,7 +58,7 @@ fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
     let mut frame = |number: u32| {
         heads.set_time(f64::from(number) * 1000.0).unwrap();
         for head in (0..100).filter(|head| (head * 7 + number).is_multiple_of(5)) {
-            heads.play(head, &Playback::new(0).start(f64::from(number) * 1000.0), &clips).unwrap();
+            heads.play(head, &Playback { start: f64::from(number) * 1000.0, ..Playback::new(0) }, &clips).unwrap();
             heads.set_hidden((head + 3) % 100, number.is_multiple_of(2));
         }
         let slot = (heads.update(&clips) % 2) as u32;

@@ -149,8 +149,8 @@ impl Lab<'_> {
 fn engine(headless: &Headless) -> Result<MorphEngine> {
     let (instance, physical, device) = headless.handles();
     let caps = headless.caps();
-    let desc = DeviceDesc::new(instance, physical, device).caps(Some(caps.clone()));
-    let desc = desc.transform_feedback_enabled(caps.transform_feedback.is_some());
+    let desc = DeviceDesc { caps: Some(caps.clone()), ..DeviceDesc::new(instance, physical, device) };
+    let desc = DeviceDesc { transform_feedback_enabled: caps.transform_feedback.is_some(), ..desc };
     // SAFETY: the handles belong together, and outlive the engine, which goes before the test ends.
     unsafe { MorphEngine::new(&desc) }
 }
@@ -176,7 +176,7 @@ fn kinds() -> [(&'static str, DeltaFormat, UpdateDesc); 4] {
     let dense = |path| UpdateDesc::new(path, BatchSize::Targets(3));
     [
         ("blocks", DeltaFormat::Fast, UpdateDesc::blocks()),
-        ("blocks, fixed16", DeltaFormat::Small, UpdateDesc::blocks().pose(PoseFormat::Fixed16)),
+        ("blocks, fixed16", DeltaFormat::Small, UpdateDesc { pose: PoseFormat::Fixed16, ..UpdateDesc::blocks() }),
         ("compute", DeltaFormat::Float32, dense(UpdatePath::Compute)),
         ("feedback", DeltaFormat::Float32, dense(UpdatePath::Feedback)),
     ]
@@ -226,7 +226,7 @@ fn crowds(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
             lab.pose(engine, &mut crowd, mesh, 1);
         },
     );
-    let desc = CrowdDesc::new(update).instances(3);
+    let desc = CrowdDesc { instances: 3, ..CrowdDesc::new(update) };
     lab.each(
         &format!("create_crowd, {kind}"),
         || {
@@ -288,7 +288,8 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
     let mesh = &packed(engine, format);
     let corners: Vec<u32> = (0..VERTICES as u32 / 3 * 3).collect();
     let (joints, shares) = (vec![0; 4 * VERTICES], [1.0, 0.0, 0.0, 0.0].repeat(VERTICES));
-    let (normals, skin) = (NormalsDesc::new(&corners), SkinDesc::new(4, 1, &joints, &shares));
+    let (normals, skin) =
+        (NormalsDesc::new(&corners), SkinDesc { influences: 4, joint_count: 1, joints: &joints, weights: &shares });
     // SAFETY: the buffer is recording, runs once, and is waited for.
     let upload_normals = |cmd| unsafe { engine.upload_normals(cmd, mesh, &normals) };
     // SAFETY: as above.
@@ -338,7 +339,8 @@ fn animated(lab: &Lab<'_>) {
     let mesh = &packed(&lab.engine(), DeltaFormat::Fast);
     let clips = [gpu::clip(mesh, 1.0, (0..4).flat_map(weights).collect())];
     let animation = AnimationDesc::new(&clips);
-    let desc = CrowdDesc::new(UpdateDesc::blocks().pose(PoseFormat::Fixed16)).instances(2);
+    let desc =
+        CrowdDesc { instances: 2, ..CrowdDesc::new(UpdateDesc { pose: PoseFormat::Fixed16, ..UpdateDesc::blocks() }) };
     lab.each(
         "create_animated_crowd",
         || {

@@ -22,7 +22,7 @@ fn animate(
     update: UpdateDesc,
     seed: u32,
 ) {
-    let desc = CrowdDesc::new(update).instances(2);
+    let desc = CrowdDesc { instances: 2, ..CrowdDesc::new(update) };
     let (mut crowd, mut readback) = (engine.create_crowd(uploaded, &desc).expect("a crowd"), engine.readback());
     for frame in 0..3 {
         let asked = [seed, seed + 1].map(|seed| weights(mesh, frame, seed));
@@ -54,9 +54,10 @@ fn threads_share_an_allocator_engines_and_meshes() {
         let (instance, physical, _) = headless.handles();
         let allocator = host.allocator(&headless);
         let engines = [0, 1].map(|_| {
-            let device = DeviceDesc::new(instance, physical, &host.device).owner(Some(host.clone()));
+            let device = DeviceDesc { owner: Some(host.clone()), ..DeviceDesc::new(instance, physical, &host.device) };
             // SAFETY: the handles belong together, and live as long as `host`.
-            unsafe { MorphEngine::new(&device.allocator(Some(allocator.clone()))) }.expect("an engine")
+            unsafe { MorphEngine::new(&DeviceDesc { allocator: Some(allocator.clone()), ..device }) }
+                .expect("an engine")
         });
         let source = testing::mesh(150, 9);
         let mesh = packed(&engines[0], &source, DeltaFormat::Small);
@@ -70,7 +71,11 @@ fn threads_share_an_allocator_engines_and_meshes() {
                         for round in 0..ROUNDS {
                             let seed = round + ROUNDS * (recorder + RECORDERS * e);
                             // The first thread finds out which pipelines exist.
-                            let update = [gpu::fixed()[0], gpu::fixed()[1], UpdateDesc::blocks().tolerance(1e-2)];
+                            let update = [
+                                gpu::fixed()[0],
+                                gpu::fixed()[1],
+                                UpdateDesc { tolerance: 1e-2, ..UpdateDesc::blocks() },
+                            ];
                             animate(host, engine, (&shared, mesh), update[round as usize % 3], seed);
                             let own = packed(engine, source, DeltaFormat::Fast);
                             animate(host, engine, (&host.upload(engine, &own), &own), update[seed as usize % 3], seed);
@@ -90,7 +95,7 @@ fn crowds_on_the_cpu_share_a_mesh_and_have_threads_of_their_own() {
     let mesh = PackedMesh::pack(&testing::mesh(400, 9), &deltamorph::PackDesc::new(DeltaFormat::Fast));
     let mesh = Arc::new(mesh.expect("a mesh that packs"));
     let evaluate = |threads: usize| {
-        let update = gpu::fixed()[0].path(UpdatePath::Cpu);
+        let update = UpdateDesc { path: UpdatePath::Cpu, ..gpu::fixed()[0] };
         let mut crowd = CpuCrowd::new(mesh.clone(), update, 6, threads).expect("a crowd");
         let mut poses = vec![];
         for frame in 0..4 {

@@ -1,5 +1,6 @@
 //! The common part of the direct paths: draws that evaluate the pose, and its capture.
 
+use deltamorph::UpdateDesc;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::Kernel;
 use deltamorph::internals::gpu::barriers;
@@ -206,7 +207,7 @@ pub(crate) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
         true => BatchSize::All,
         false => BatchSize::Targets(u32::MAX),
     };
-    DensePlanner::new(desc.update.batch(batch), desc.instances as usize)
+    DensePlanner::new(UpdateDesc { batch, ..desc.update }, desc.instances as usize)
 }
 
 #[cfg(test)]

@@ -40,9 +40,9 @@ pub unsafe extern "C" fn dm_crowd_set_decode_target(
 fn decode_target(asked: &DmDecodeTarget) -> Result<DecodeTarget> {
     check_reserved("DmDecodeTarget", asked.reserved)?;
     check_buffer(asked.buffer, "buffer")?;
-    let target = DecodeTarget::new(asked.buffer).offset(asked.offset);
+    let target = DecodeTarget { offset: asked.offset, ..DecodeTarget::new(asked.buffer) };
     let normals = (asked.normals != 0).then_some(asked.normals);
-    Ok(target.stride(or(asked.stride, target.stride)).normals(normals))
+    Ok(DecodeTarget { stride: or(asked.stride, target.stride), normals, ..target })
 }
 
 /// Make a buffer of the triangles around each vertex of a mesh, and record its upload: once for each mesh, whatever the
@@ -69,7 +69,7 @@ pub unsafe extern "C" fn dm_surface_upload(
         let make = |engine: &deltamorph::MorphEngine, mesh: &crate::mesh::Mesh| {
             let faces = &mesh.asset.faces;
             let corners: Vec<u32> = faces.corners.iter().map(|corner| corner.position).collect();
-            let desc = NormalsDesc::new(&corners).sizes(&faces.sizes).welds(&mesh.asset.welds);
+            let desc = NormalsDesc { sizes: &faces.sizes, welds: &mesh.asset.welds, ..NormalsDesc::new(&corners) };
             // SAFETY: the caller's obligations.
             Ok(unsafe { engine.upload_normals(cmd, &mesh.asset.mesh, &desc) }?)
         };
@@ -123,7 +123,7 @@ pub unsafe extern "C" fn dm_crowd_set_normals_target(
         built!("after", "steps after the pose");
         let make = |asked: &DmNormalsTarget| {
             check_buffer(asked.buffer, "buffer")?;
-            Ok(NormalsTarget::new(asked.buffer).offset(asked.offset).stride(or(asked.stride, 12)))
+            Ok(NormalsTarget { offset: asked.offset, stride: or(asked.stride, 12), ..NormalsTarget::new(asked.buffer) })
         };
         // SAFETY: the caller's obligations.
         unsafe {

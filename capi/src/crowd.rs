@@ -78,19 +78,23 @@ impl DmCrowdDesc {
         let path = path(self.path)?;
         let batch = if self.batch == 0 { BatchSize::All } else { BatchSize::Targets(self.batch) };
         let default = UpdateDesc::new(path, batch);
-        let update = default
-            .mode(mode(self.mode, default.mode)?)
-            .slots(or(self.slots, default.slots))
-            .pose(pose_format(self.pose_format, default_pose)?)
-            .tolerance(or(self.tolerance, default.tolerance))
-            .weight_max((self.weight_max != 0.0).then_some(self.weight_max))
-            .error_budget(self.error_budget);
+        let update = UpdateDesc {
+            mode: mode(self.mode, default.mode)?,
+            slots: or(self.slots, default.slots),
+            pose: pose_format(self.pose_format, default_pose)?,
+            tolerance: or(self.tolerance, default.tolerance),
+            weight_max: (self.weight_max != 0.0).then_some(self.weight_max),
+            error_budget: self.error_budget,
+            ..default
+        };
         let desc = CrowdDesc::new(update);
-        Ok(desc
-            .instances(or(self.instances, desc.instances))
-            .frames_in_flight(or(self.frames_in_flight, desc.frames_in_flight))
-            .consumers(consumers(self.consumers)?)
-            .pose_usage(vk::BufferUsageFlags::from_raw(self.pose_usage)))
+        Ok(CrowdDesc {
+            instances: or(self.instances, desc.instances),
+            frames_in_flight: or(self.frames_in_flight, desc.frames_in_flight),
+            consumers: consumers(self.consumers)?,
+            pose_usage: vk::BufferUsageFlags::from_raw(self.pose_usage),
+            ..desc
+        })
     }
 }
 
@@ -104,7 +108,7 @@ pub(crate) unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseForm
     let asked = unsafe { read_or_default(desc) }?;
     // SAFETY: as above.
     let family = (!asked.queue_family.is_null()).then(|| unsafe { asked.queue_family.read_unaligned() });
-    let desc = asked.crowd(default_pose)?.queue_family(family);
+    let desc = CrowdDesc { queue_family: family, ..asked.crowd(default_pose)? };
     if asked.poses.is_null() {
         return Ok(desc);
     }
@@ -121,7 +125,7 @@ pub(crate) unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseForm
         vertex = vertex.stream(semantic(at.stream)?, at.offset);
     }
     // SAFETY: as above.
-    Ok(desc.poses(Some(unsafe { HostPoses::new(host.buffer, host.offset, vertex) })))
+    Ok(CrowdDesc { poses: Some(unsafe { HostPoses::new(host.buffer, host.offset, vertex) }), ..desc })
 }
 
 fn insert(kind: Kind, engine: Arc<Engine>) -> DmCrowd {
@@ -210,7 +214,8 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
         };
         // SAFETY: as above.
         let importance = unsafe { level(animation.level) }?;
-        let animation = AnimationDesc::new(&clips).key_format(keys).importance(importance.as_ref());
+        let animation =
+            AnimationDesc { key_format: keys, importance: importance.as_ref(), ..AnimationDesc::new(&clips) };
         // SAFETY: the caller's obligations; `crowd` was checked.
         unsafe {
             let made = mesh.engine.morph.create_animated_crowd(cmd, &*lock(&mesh.mesh)?, &desc, &animation)?;
@@ -304,7 +309,8 @@ pub unsafe extern "C" fn dm_crowd_play(crowd: DmCrowd, instance: u32, playback: 
         let asked = unsafe { read(playback) }?;
         check_reserved("DmPlayback", asked.reserved)?;
         let repeat = if asked.once != 0 { Repeat::Once } else { Repeat::Loop };
-        let playback = Playback::new(asked.clip).start(asked.start).speed(or(asked.speed, 1.0)).repeat(repeat);
+        let playback =
+            Playback { start: asked.start, speed: or(asked.speed, 1.0), repeat, ..Playback::new(asked.clip) };
         with(crowd, |state| Ok(state.animated()?.play(instance, &playback)?))
     })
 }

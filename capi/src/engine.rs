@@ -73,19 +73,21 @@ unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
             false => desc.enabled_features.read_unaligned(),
         };
         let families = slice(desc.queue_families, desc.queue_family_count as usize, "queue_families")?;
-        let device_desc = DeviceDesc::new(&instance, desc.physical_device, &device)
-            .transform_feedback_enabled(desc.transform_feedback != 0)
-            .enabled_features(features)
-            .pipeline_cache(desc.pipeline_cache)
-            .debug_names(desc.debug_names != 0)
-            .buffer_device_address(desc.buffer_device_address != 0)
-            .queue_families(families);
+        let device_desc = DeviceDesc {
+            transform_feedback_enabled: desc.transform_feedback != 0,
+            enabled_features: features,
+            pipeline_cache: desc.pipeline_cache,
+            debug_names: desc.debug_names != 0,
+            buffer_device_address: desc.buffer_device_address != 0,
+            queue_families: families,
+            ..DeviceDesc::new(&instance, desc.physical_device, &device)
+        };
         let memory = memory(desc)?;
         let mut caps = DeviceCaps::query(&instance, desc.physical_device)?;
         if desc.clamp_to_android_baseline != 0 {
             caps.clamp_to(&DeviceCaps::android_baseline());
         }
-        Ok(MorphEngine::new(&device_desc.memory(memory).caps(Some(caps)))?)
+        Ok(MorphEngine::new(&DeviceDesc { memory, caps: Some(caps), ..device_desc })?)
     }
 }
 

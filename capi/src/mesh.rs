@@ -34,7 +34,7 @@ impl DmMeshDesc {
     fn tolerance(&self) -> Result<Tolerance> {
         let default = if self.has(DM_MESH_KEEP_ALL)? { Tolerance::ZERO } else { Tolerance::default() };
         let position = or(self.position_tolerance, default.position);
-        Ok(default.position(position).normal(or(self.normal_tolerance, default.normal)))
+        Ok(Tolerance { position, normal: or(self.normal_tolerance, default.normal) })
     }
 
     /// Whether the description says nothing about packing, so that a packed mesh may stay as it is.
@@ -50,13 +50,14 @@ impl DmMeshDesc {
             _ => self.engine.get()?.morph.pack_desc(format),
         };
         let default = BlockDesc::default();
-        let blocks = default
-            .size((self.block_size != 0).then_some(self.block_size))
-            .position_error(or(self.position_error, default.position_error))
-            .normal_error_degrees(or(self.normal_error_degrees, default.normal_error_degrees))
-            .absolute_error(or(self.absolute_error, default.absolute_error))
-            .weight_max(or(self.weight_max, default.weight_max));
-        Ok(desc.blocks(blocks))
+        let blocks = BlockDesc {
+            size: (self.block_size != 0).then_some(self.block_size),
+            position_error: or(self.position_error, default.position_error),
+            normal_error_degrees: or(self.normal_error_degrees, default.normal_error_degrees),
+            absolute_error: or(self.absolute_error, default.absolute_error),
+            weight_max: or(self.weight_max, default.weight_max),
+        };
+        Ok(PackDesc { blocks, ..desc })
     }
 
     /// Tells the host what an importer noted.
@@ -125,7 +126,7 @@ pub(crate) fn head_desc(sample: &DmSampleDesc) -> Result<HeadDesc> {
     if !(sparsity > 0.0 && sparsity <= 1.0) {
         return Err(Failure::invalid(format!("a sparsity of {sparsity}; use a number above 0 and at most 1")));
     }
-    Ok(default.vertices(vertices).targets(targets).sparsity(sparsity).seed(seed))
+    Ok(HeadDesc { vertices, targets, sparsity, seed })
 }
 
 /// The common part of entries that make a mesh.

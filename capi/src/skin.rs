@@ -42,7 +42,7 @@ pub unsafe extern "C" fn dm_skin_upload(
             let count = mesh.layout().vertex_count.saturating_mul(influences as usize);
             let joints = slice(asked.joints, count, "joints")?;
             let weights = slice(asked.weights, count, "weights")?;
-            let desc = SkinDesc::new(influences, asked.joint_count, joints, weights);
+            let desc = SkinDesc { influences, joint_count: asked.joint_count, joints, weights };
             Ok(engine.upload_skin(cmd, &mesh.asset.mesh, &desc)?)
         };
         // SAFETY: as above.
@@ -111,13 +111,15 @@ fn skin_target(asked: &DmSkinTarget) -> Result<SkinTarget> {
     check_buffer(asked.joints, "joints")?;
     let normals = (asked.normals != 0).then_some(asked.normals);
     let second = (!asked.second_buffer.is_null()).then_some((asked.second_buffer, asked.second_offset));
-    Ok(SkinTarget::new(asked.buffer, asked.joints, asked.joints_bytes)
-        .offset(asked.offset)
-        .stride(or(asked.stride, asked.normals.saturating_add(12)))
-        .normals(normals)
-        .second(second)
-        .joints_offset(asked.joints_offset)
-        .method(skin_method(asked.method)?))
+    Ok(SkinTarget {
+        offset: asked.offset,
+        stride: or(asked.stride, asked.normals.saturating_add(12)),
+        normals,
+        second,
+        joints_offset: asked.joints_offset,
+        method: skin_method(asked.method)?,
+        ..SkinTarget::new(asked.buffer, asked.joints, asked.joints_bytes)
+    })
 }
 
 /// Tell that the joints of a skinned instance moved: from the next recorded update on they are those at `offset` of

@@ -158,7 +158,9 @@ fn the_c_program_is_right_and_valid_on_every_driver() {
     let program = build("examples/c/minimal.c", unchanged);
     let lines = std::fs::read_to_string(root().join("examples/c/minimal.c")).expect("the source").lines().count();
     assert!(lines < 200, "{lines} lines, for hosts to copy from");
-    let mesh = head(&HeadDesc::default().vertices(900).targets(7)).to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = head(&HeadDesc { vertices: 900, targets: 7, ..Default::default() })
+        .to_mesh(Tolerance::default())
+        .expect("a mesh");
     let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs");
     let packed = program.0.path().join("head.dmorph");
     asset.write(&packed).expect("a file");

@@ -242,7 +242,11 @@ pub struct InputArgs {
 impl InputArgs {
     /// The tolerance for dropping deltas. A tolerance of 0 keeps every delta, including those of normals.
     pub fn tolerance(&self) -> Tolerance {
-        if self.tolerance == 0.0 { Tolerance::ZERO } else { Tolerance::default().position(self.tolerance) }
+        if self.tolerance == 0.0 {
+            Tolerance::ZERO
+        } else {
+            Tolerance { position: self.tolerance, ..Default::default() }
+        }
     }
 }
 
@@ -265,11 +269,12 @@ impl HeadArgs {
     /// The description of the built-in head.
     pub fn desc(&self, seed: u64) -> HeadDesc {
         let d = HeadDesc::default();
-        HeadDesc::default()
-            .vertices(self.vertices.unwrap_or(d.vertices))
-            .targets(self.targets.unwrap_or(d.targets))
-            .sparsity(self.sparsity.unwrap_or(d.sparsity))
-            .seed(seed)
+        HeadDesc {
+            vertices: self.vertices.unwrap_or(d.vertices),
+            targets: self.targets.unwrap_or(d.targets),
+            sparsity: self.sparsity.unwrap_or(d.sparsity),
+            seed,
+        }
     }
 }
 
@@ -336,11 +341,13 @@ impl PackArgs {
     /// The library's description of packing.
     pub fn desc(&self) -> BlockDesc {
         let default = BlockDesc::default();
-        default
-            .size(self.block_size)
-            .position_error(self.position_error)
-            .normal_error_degrees(self.normal_error)
-            .weight_max(self.weight_max.unwrap_or(default.weight_max))
+        BlockDesc {
+            size: self.block_size,
+            position_error: self.position_error,
+            normal_error_degrees: self.normal_error,
+            weight_max: self.weight_max.unwrap_or(default.weight_max),
+            ..default
+        }
     }
 }
 

@@ -77,8 +77,9 @@ impl Input {
         deltamorph_render::wrinkles::add(&mut mesh);
         if let Some(packed) = &mut self.packed {
             let layout = packed.layout();
-            let blocks = BlockDesc::default().size(layout.blocks.as_ref().map(|blocks| blocks.size() as u32));
-            *packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(layout.format).blocks(blocks))?);
+            let blocks =
+                BlockDesc { size: layout.blocks.as_ref().map(|blocks| blocks.size() as u32), ..Default::default() };
+            *packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(layout.format) })?);
         }
         self.kept = Arc::new(mesh);
         Ok(())

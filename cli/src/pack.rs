@@ -32,7 +32,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         out.note(format_args!("{origin} lost {lost} in length when it was packed; the error below is on top of that"));
     }
     let spinner = out.spinner("packing");
-    let desc = PackDesc::new(format).blocks(args.pack.desc());
+    let desc = PackDesc { blocks: args.pack.desc(), ..PackDesc::new(format) };
     let asset = Asset::pack(&input.kept, &desc);
     spinner.finish_and_clear();
     let asset = asset?;

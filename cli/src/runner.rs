@@ -28,7 +28,7 @@ fn updates(gpu: &Gpu, args: &RunArgs) -> bool {
 
 /// Opens the device chosen on the command line. `None`, with a note, if there is none and none was chosen.
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
-    let desc = HeadlessDesc::default().device(choice.cloned().unwrap_or_default());
+    let desc = HeadlessDesc { device: choice.cloned().unwrap_or_default(), ..Default::default() };
     let gpu = if_any(Gpu::new(&desc), choice, out)?;
     if let Some(gpu) = &gpu {
         gpu.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
@@ -76,7 +76,7 @@ pub fn packed(
 ) -> Result<Arc<PackedMesh>, Failure> {
     let Some(held) = input.packed.as_ref().filter(|mesh| mesh.layout().format == format) else {
         let desc = engine.map_or(PackDesc::new(format), |engine| engine.pack_desc(format));
-        return Ok(Arc::new(PackedMesh::pack(&input.kept, &desc.blocks(args.desc()))?));
+        return Ok(Arc::new(PackedMesh::pack(&input.kept, &PackDesc { blocks: args.desc(), ..desc })?));
     };
     // The largest weight applies to poses, independent of packing.
     if (PackArgs { weight_max: None, ..args.clone() }).desc() == BlockDesc::default() {
@@ -142,7 +142,7 @@ impl<'a> Runner<'a> {
     /// `heads` instances more of the same mesh, which is not uploaded again; `None` unless it is updated on a device.
     pub fn another(&self, desc: UpdateDesc, heads: u32) -> Option<deltamorph::Result<Self>> {
         let Self::Gpu(crowds) = self else { return None };
-        let desc = CrowdDesc::new(desc).instances(heads).frames_in_flight(1);
+        let desc = CrowdDesc { instances: heads, frames_in_flight: 1, ..CrowdDesc::new(desc) };
         Some(crowds[0].another(&desc).map(|crowd| Self::Gpu(vec![crowd])))
     }
 
@@ -155,7 +155,7 @@ impl<'a> Runner<'a> {
         let crowd = |(mesh, desc): &(Arc<PackedMesh>, UpdateDesc)| {
             let gpu = gpu.filter(|_| desc.path != UpdatePath::Cpu).ok_or_else(|| no_device(desc.path))?;
             // Each update is waited for.
-            HeadlessCrowd::new(gpu, mesh, &CrowdDesc::new(*desc).instances(heads).frames_in_flight(1))
+            HeadlessCrowd::new(gpu, mesh, &CrowdDesc { instances: heads, frames_in_flight: 1, ..CrowdDesc::new(*desc) })
         };
         Ok(Self::Gpu(parts.iter().map(crowd).collect::<deltamorph::Result<_>>()?))
     }
@@ -173,11 +173,11 @@ impl<'a> Runner<'a> {
         for (part, ((mesh, desc), mut clips)) in (0..).zip(parts.iter().zip(clips)) {
             let names: Vec<_> = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
             clips.iter_mut().for_each(|clip| clip.names.clone_from(&names));
-            let desc = CrowdDesc::new(*desc).instances(heads).frames_in_flight(1);
+            let desc = CrowdDesc { instances: heads, frames_in_flight: 1, ..CrowdDesc::new(*desc) };
             let mut crowd = HeadlessCrowd::animated(gpu, mesh, &desc, &AnimationDesc::new(&clips))?;
             for (head, clip) in (0..heads).zip((0..clips.len() as u32).cycle()) {
                 let frames = f64::from(part * heads + head) * ahead as f64;
-                crowd.play(head, &Playback::new(clip).start(-frames / f64::from(fps)))?;
+                crowd.play(head, &Playback { start: -frames / f64::from(fps), ..Playback::new(clip) })?;
             }
             crowds.push(crowd);
         }
@@ -341,9 +341,10 @@ impl Stage {
     pub fn animated(&self, clip: &WeightClip) -> Result<Runner<'_>, Failure> {
         let gpu = self.gpu.as_deref().filter(|_| self.desc.path == UpdatePath::Blocks);
         let gpu = gpu.ok_or_else(|| Failure::Usage("--animated plans on a Vulkan device: use --path blocks".into()))?;
-        let (desc, clips) = (CrowdDesc::new(self.desc).frames_in_flight(1), AnimationDesc::new(from_ref(clip)));
+        let (desc, clips) =
+            (CrowdDesc { frames_in_flight: 1, ..CrowdDesc::new(self.desc) }, AnimationDesc::new(from_ref(clip)));
         let mut crowd = HeadlessCrowd::animated(gpu, &self.mesh, &desc, &clips)?;
-        crowd.play(0, &Playback::new(0).repeat(Repeat::Once))?;
+        crowd.play(0, &Playback { repeat: Repeat::Once, ..Playback::new(0) })?;
         Ok(Runner::Animated { crowds: vec![crowd], fps: clip.fps, frame: 0 })
     }
 
@@ -394,13 +395,15 @@ pub fn prepare(
         Failure::Usage(format!("--format: the path '{}' takes {}", path.name(), names.join(" or ")))
     })?;
     let default = UpdateDesc::new(path, batch_size(args.batch_size, path, engine, format)?);
-    let desc = default
-        .mode(update.modes.first().copied().unwrap_or(default.mode))
-        .slots(update.slots)
-        .pose(pose.unwrap_or(default.pose))
-        .tolerance(update.drift)
-        .weight_max(update.pack.weight_max)
-        .error_budget(update.budget(input.kept.diagonal));
+    let desc = UpdateDesc {
+        mode: update.modes.first().copied().unwrap_or(default.mode),
+        slots: update.slots,
+        pose: pose.unwrap_or(default.pose),
+        tolerance: update.drift,
+        weight_max: update.pack.weight_max,
+        error_budget: update.budget(input.kept.diagonal),
+        ..default
+    };
     desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
     let mesh = packed(input, engine, format, &update.pack)?;
     let (narrow, largest) = (desc, input.largest.get());
@@ -422,7 +425,7 @@ const WEIGHT_BITS: u32 = 14;
 /// `desc` with poses that hold weights up to `largest`, unless it states what they hold; and no more than 1 or that,
 /// where holding more would make the steps of weights coarse.
 pub fn reaching(desc: UpdateDesc, largest: f32, layout: &PackedLayout) -> UpdateDesc {
-    let fitted = desc.weight_max(Some(largest.max(1.0)));
+    let fitted = UpdateDesc { weight_max: Some(largest.max(1.0)), ..desc };
     let suffices = |grid: &PoseGrid| largest <= grid.weight_max && grid.weight_bits >= WEIGHT_BITS;
     let default = desc.grid(layout).ok().flatten().filter(suffices);
     match fitted.grid(layout) {

@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn the_folder_reads_back_as_the_head() {
-        let desc = HeadDesc::default().vertices(500).targets(9).sparsity(0.2).seed(3);
+        let desc = HeadDesc { vertices: 500, targets: 9, sparsity: 0.2, seed: 3 };
         let source = head::head(&desc);
         let dir = tempfile::tempdir().expect("a folder");
         write_folder(&source, dir.path(), || ()).expect("written");

@@ -6,7 +6,7 @@ use crate::output::{Failure, Output, With};
 use crate::runner::{Runner, Stage, fnv};
 use crate::table::{sig3, thousands};
 use crate::verify::{Checks, REMEDY};
-use deltamorph::BoundClip;
+use deltamorph::{BoundClip, UpdateDesc};
 use deltamorph_head::Rng;
 use deltamorph_headless::{DeviceChoice, Draws};
 use serde_json::json;
@@ -90,7 +90,7 @@ impl Sums {
             // An update without changes applies deferred changes.
             runner.step(&[weights], Draws::default())?;
         }
-        let mut fresh = stage.runner(stage.desc.error_budget(0.0))?;
+        let mut fresh = stage.runner(UpdateDesc { error_budget: 0.0, ..stage.desc })?;
         fresh.step(&[weights], Draws::default())?;
         let format = stage.desc.pose;
         let bits = |pose: &[f32]| pose.iter().map(|v| v.to_bits()).collect::<Vec<_>>();

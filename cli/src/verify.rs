@@ -452,8 +452,8 @@ mod tests {
         let layout = |format| PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("packed").layout().clone();
         let (dense, blocks) = (layout(DeltaFormat::Float32), layout(DeltaFormat::Fast));
         let float = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let [exact, narrow] = [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|pose| float.pose(pose));
-        let patient = |desc: UpdateDesc| desc.error_budget(0.5);
+        let [exact, narrow] = [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|pose| UpdateDesc { pose, ..float });
+        let patient = |desc: UpdateDesc| UpdateDesc { error_budget: 0.5, ..desc };
         let found = Found { bound: 0.25, ..Found::default() };
         let allowed = |desc: UpdateDesc, layout: &PackedLayout| Promise::new(&desc, layout).allowed(&found);
         let own = 3e-6 * f64::from(mesh.diagonal);
@@ -521,7 +521,7 @@ mod tests {
             .flat_map(|x| formats.into_iter().flat_map(move |format| poses.map(|pose| (x, format, pose))))
         {
             let batch = if format.is_blocks() { BatchSize::All } else { BatchSize::Targets(1) };
-            let desc = UpdateDesc::new(UpdatePath::Cpu, batch).pose(pose).tolerance(1e-3);
+            let desc = UpdateDesc { pose, tolerance: 1e-3, ..UpdateDesc::new(UpdatePath::Cpu, batch) };
             let mesh = Arc::new(PackedMesh::pack(&quad(x), &PackDesc::new(format)).expect("packed"));
             let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), desc, 1, 1) else {
                 assert!(!format.is_blocks() && pose == PoseFormat::Fixed32, "{format:?} {pose:?}");

@@ -37,7 +37,7 @@ pub fn pack_and_update(mesh: &MorphMesh, choice: u32) {
 /// float32.
 pub fn update(mesh: &Arc<PackedMesh>, choice: u32) {
     let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-    let picked = desc.pose(PoseFormat::ALL[choice as usize % PoseFormat::ALL.len()]);
+    let picked = UpdateDesc { pose: PoseFormat::ALL[choice as usize % PoseFormat::ALL.len()], ..desc };
     let new = |desc| Some((CpuCrowd::new(mesh.clone(), desc, 1, 1).map_err(check_error).ok()?, desc));
     let Some((mut crowd, desc)) = new(picked).or_else(|| new(desc)) else { return };
     for frame in 0..3u32 {

@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn clips_of_any_rate_end() {
-        let desc = HeadDesc::default().targets(3);
+        let desc = HeadDesc { targets: 3, ..Default::default() };
         let rates =
             [(1e-9, 0.1), (f32::MIN_POSITIVE, 0.1), (1e30, 1000.0), (24.0, 24.0), (0.0, 30.0), (f32::NAN, 30.0)];
         for (fps, taken) in rates {

@@ -23,15 +23,14 @@ mod shape;
 mod targets;
 
 pub use clip::head_clip;
+use deltamorph::MorphSource;
 use deltamorph::glam::{Vec2, Vec3};
 use deltamorph::mesh::{Corner, Faces};
-use deltamorph::{MorphSource, setters};
 use mesh::{Part, Spot};
 pub use random::Rng;
 
 /// Description of the built-in head. The same description gives the same head on every machine.
 #[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct HeadDesc {
     /// Number of vertices (≥ 1).
     pub vertices: usize,
@@ -42,8 +41,6 @@ pub struct HeadDesc {
     /// Seed.
     pub seed: u64,
 }
-
-setters!(HeadDesc { vertices: usize, targets: usize, sparsity: f32, seed: u64 });
 
 impl Default for HeadDesc {
     /// 43,788 vertices and 72 targets, the size in Costigan et al. (MIG 2016).
@@ -71,7 +68,7 @@ pub fn head(desc: &HeadDesc) -> MorphSource {
     // Vertex numbers and face corners (about six per vertex) are 32-bit.
     let vertices = desc.vertices.clamp(1, 1 << 28);
     let sparsity = if desc.sparsity.is_nan() { HeadDesc::default().sparsity } else { desc.sparsity };
-    let desc = desc.clone().sparsity(sparsity.clamp(f32::MIN_POSITIVE, 1.0));
+    let desc = HeadDesc { sparsity: sparsity.clamp(f32::MIN_POSITIVE, 1.0), ..desc.clone() };
     let (spots, base) = if vertices < 5 { few(vertices) } else { whole(vertices) };
     let targets = targets::targets(&desc, &spots, &base.positions);
     MorphSource { name: "head".to_owned(), targets, ..base }

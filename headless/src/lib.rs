@@ -21,7 +21,7 @@ pub use wait::wait_idle;
 
 use deltamorph::ash::{self, vk};
 use deltamorph::device::DeviceTuning;
-use deltamorph::{DeviceCaps, DeviceDesc, Error, GpuMesh, MorphEngine, Result, setters};
+use deltamorph::{DeviceCaps, DeviceDesc, Error, GpuMesh, MorphEngine, Result};
 use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -43,7 +43,6 @@ pub enum DeviceChoice {
 
 /// Options of [`Headless::new`].
 #[derive(Clone, Debug, Default, PartialEq)]
-#[non_exhaustive]
 pub struct HeadlessDesc {
     /// Choice of the device.
     pub device: DeviceChoice,
@@ -55,13 +54,6 @@ pub struct HeadlessDesc {
     /// Tuning to use in place of the device's own, to measure another.
     pub tuning: Option<DeviceTuning>,
 }
-
-setters!(HeadlessDesc {
-    device: DeviceChoice,
-    validation: bool,
-    limits: Option<DeviceCaps>,
-    tuning: Option<DeviceTuning>,
-});
 
 /// An instance, a device, a queue, and an engine on it. To be used by one thread at a time:
 ///
@@ -333,12 +325,14 @@ impl Headless {
         let device = device.map_err(Error::vulkan("vkCreateDevice"))?;
         let debug_names = instance.messenger.is_some();
         let owned = Arc::new(Owned { device, physical, instance });
-        let engine_desc = DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
-            .caps(Some(caps))
-            .transform_feedback_enabled(feedback_enabled)
-            .enabled_features(features)
-            .debug_names(debug_names)
-            .owner(Some(owned.clone()));
+        let engine_desc = DeviceDesc {
+            caps: Some(caps),
+            transform_feedback_enabled: feedback_enabled,
+            enabled_features: features,
+            debug_names,
+            owner: Some(owned.clone()),
+            ..DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
+        };
         // SAFETY: the handles belong together, and the engine and its objects keep them alive; the limits are at most
         // the device's.
         let engine = unsafe { MorphEngine::new(&engine_desc) }?;

@@ -63,7 +63,7 @@ mod tests {
     /// outside, and in most places without a vertex the bounds are outside.
     #[test]
     fn what_is_outside_has_no_vertex_inside() {
-        let source = head(&HeadDesc::default().vertices(300).targets(8));
+        let source = head(&HeadDesc { vertices: 300, targets: 8, ..Default::default() });
         let mesh = source.to_mesh(Default::default()).expect("a mesh");
         let packed = PackedMesh::pack(&mesh, &Default::default()).expect("a mesh that packs");
         let bounds = PoseBounds::new(&packed, &UpdateDesc::blocks()).expect("bounds").of(&[]);

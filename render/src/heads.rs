@@ -139,7 +139,7 @@ impl Heads {
         let poses = if path == UpdatePath::Cpu {
             Poses::Processor(Box::new(Processor::new(&renderer, packed, desc, masks)?))
         } else {
-            let crowd = CrowdDesc::new(update).instances(count).frames_in_flight(frames as u32);
+            let crowd = CrowdDesc { instances: count, frames_in_flight: frames as u32, ..CrowdDesc::new(update) };
             let mut crowd = Box::new(engine.create_crowd(&uploaded, &crowd)?);
             let with = |desc| Normals::new(headless, &renderer.gpu, packed, &mut crowd, &desc);
             recomputed = normals.map(with).transpose()?;

@@ -39,8 +39,8 @@ impl Normals {
         let stride = VERTEX as u32;
         for head in 0..heads {
             let offset = (head * size) as u64;
-            let positions = DecodeTarget::new(output.raw).offset(offset).stride(stride);
-            let normals = NormalsTarget::new(output.raw).offset(offset + 12).stride(stride);
+            let positions = DecodeTarget { offset, stride, ..DecodeTarget::new(output.raw) };
+            let normals = NormalsTarget { offset: offset + 12, stride, ..NormalsTarget::new(output.raw) };
             // SAFETY: no update is running; the buffer is large enough, and lives as long as the crowd.
             unsafe {
                 engine.set_decode_target(crowd, head as u32, Some(&positions))?;

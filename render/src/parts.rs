@@ -232,7 +232,9 @@ mod tests {
 
     #[test]
     fn painted_faces_are_parts_of_their_surfaces() {
-        let mesh = head(&HeadDesc::default().vertices(600).targets(1)).to_mesh(Default::default()).expect("a mesh");
+        let mesh = head(&HeadDesc { vertices: 600, targets: 1, ..Default::default() })
+            .to_mesh(Default::default())
+            .expect("a mesh");
         let [one, other] = [false, true].map(|double_sided| Surface { colour: [1.0; 3], double_sided });
         let mut said = vec![Face::Named(""); mesh.faces.sizes.len()];
         said[3] = Face::Painted(one);

@@ -19,7 +19,7 @@ const BLACK: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 fn on_every_device(test: impl Fn(&Headless)) {
     let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe".into());
     for driver in list.split(',') {
-        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.into())).validation(true);
+        let desc = HeadlessDesc { device: DeviceChoice::Name(driver.into()), validation: true, ..Default::default() };
         let headless =
             Headless::new(&desc).unwrap_or_else(|e| panic!("{driver}: {e}; run as ./with-vulkan cargo test"));
         test(&headless);
@@ -28,7 +28,7 @@ fn on_every_device(test: impl Fn(&Headless)) {
 }
 
 fn source() -> MorphSource {
-    head(&HeadDesc::default().vertices(3000).targets(40))
+    head(&HeadDesc { vertices: 3000, targets: 40, ..Default::default() })
 }
 
 fn mesh(source: &MorphSource) -> MorphMesh {
@@ -37,7 +37,7 @@ fn mesh(source: &MorphSource) -> MorphMesh {
 
 /// Frames of the clip: a weight per target.
 fn frames(count: usize) -> Vec<Vec<f32>> {
-    let clip = head_clip(&HeadDesc::default().vertices(3000).targets(40), count, 10.0);
+    let clip = head_clip(&HeadDesc { vertices: 3000, targets: 40, ..Default::default() }, count, 10.0);
     clip.values.chunks_exact(clip.names.len()).map(<[f32]>::to_vec).collect()
 }
 
@@ -102,7 +102,7 @@ fn every_format_of_poses_draws_the_same_pictures() {
         assert!(shades > 150 && behind < 16_000 && moved > 30, "{shades} shades, {behind} black, {moved} moved");
         for pose in PoseFormat::ALL {
             for path in [UpdatePath::Blocks, UpdatePath::Cpu] {
-                let update = UpdateDesc::new(path, BatchSize::All).pose(pose);
+                let update = UpdateDesc { pose, ..UpdateDesc::new(path, BatchSize::All) };
                 let drawn = [draw(update, Show::Shaded), draw(update, Show::Wire)].concat();
                 for (i, (drawn, expected)) in drawn.iter().zip(expected.iter().chain(&wire)).enumerate() {
                     let (mean, far) = difference(drawn, expected);
@@ -136,7 +136,7 @@ fn what_changed_is_lit_and_nothing_else() {
                 .into_iter()
                 .flat_map(|pose| [UpdatePath::Blocks, UpdatePath::Cpu].map(|path| (pose, path)))
             {
-                let update = UpdateDesc::new(path, BatchSize::All).pose(pose);
+                let update = UpdateDesc { pose, ..UpdateDesc::new(path, BatchSize::All) };
                 let drawn = pictures(headless, &mesh, &packed, update, &frames, (Camera::default(), show));
                 let lit = |picture: &Picture| difference(picture, &drawn[2]).1;
                 let [all, some] = [lit(&drawn[0]), lit(&drawn[1])];
@@ -155,7 +155,7 @@ fn what_changed_is_lit_and_nothing_else() {
 #[test]
 fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
     // The brows are near the end of ARKit's targets.
-    let mesh = mesh(&head(&HeadDesc::default().vertices(6000).targets(52)));
+    let mesh = mesh(&head(&HeadDesc { vertices: 6000, targets: 52, ..Default::default() }));
     let update = UpdateDesc::blocks();
     let mut raised = vec![0.0; mesh.targets.len()];
     for (target, weight) in mesh.targets.iter().zip(&mut raised) {
@@ -193,7 +193,7 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
             (PoseFormat::Fixed16, UpdatePath::Cpu),
             (PoseFormat::Float32, UpdatePath::Cpu),
         ] {
-            let other = draw(&masked, UpdateDesc::new(path, BatchSize::All).pose(pose), Show::Wrinkles).1;
+            let other = draw(&masked, UpdateDesc { pose, ..UpdateDesc::new(path, BatchSize::All) }, Show::Wrinkles).1;
             let (mean, far) = difference(&other, &folded);
             assert!(mean < 0.02 && far <= 12, "{pose:?} {path:?}: {mean} {far}");
         }
@@ -292,11 +292,11 @@ fn recomputed_normals_are_drawn_as_their_reference_says() {
     // Several targets at once, whose normals do not add up.
     frames[1].iter_mut().step_by(2).for_each(|weight| *weight = 0.7);
     let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
-    let surface = NormalsDesc::new(&corners).sizes(&mesh.faces.sizes).welds(&mesh.welds);
+    let surface = NormalsDesc { sizes: &mesh.faces.sizes, welds: &mesh.welds, ..NormalsDesc::new(&corners) };
     let places = [Mat4::IDENTITY];
     on_every_device(|headless| {
         for (format, update) in [
-            (DeltaFormat::Fast, UpdateDesc::blocks().pose(PoseFormat::Fixed16)),
+            (DeltaFormat::Fast, UpdateDesc { pose: PoseFormat::Fixed16, ..UpdateDesc::blocks() }),
             (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::All)),
         ] {
             let packed = packed(headless, &mesh, format);
@@ -408,7 +408,7 @@ fn still_parts_are_drawn_with_their_surfaces() {
     let still = source.to_mesh(Tolerance::ZERO).expect("squares");
     let parts_of_still = parts(&still, &said);
     on_every_device(|headless| {
-        for update in [UpdateDesc::blocks(), UpdateDesc::blocks().pose(PoseFormat::Fixed32)] {
+        for update in [UpdateDesc::blocks(), UpdateDesc { pose: PoseFormat::Fixed32, ..UpdateDesc::blocks() }] {
             let packed = packed(headless, &mesh, DeltaFormat::Fast);
             let desc = HeadsDesc { cull: true, ..HeadsDesc::new(update) };
             let mut studio = Studio::new(headless, &mesh, &packed, &parts(&mesh, &[]), SIZE, &desc).expect("a studio");

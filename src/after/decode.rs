@@ -10,7 +10,6 @@ use crate::abi::modules::DECODE;
 use crate::abi::push::DecodePush;
 use crate::error::Result;
 use crate::plan::after::Kind;
-use crate::setters::setters;
 use ash::vk;
 
 /// Output of float32 positions of an instance; see
@@ -19,7 +18,6 @@ use ash::vk;
 /// Vertices are in pose-buffer order, without padding:
 /// [`PackedLayout::vertex_count`](crate::PackedLayout::vertex_count) in total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct DecodeTarget {
     /// The output buffer, with storage buffer usage.
     pub buffer: vk::Buffer,
@@ -31,8 +29,6 @@ pub struct DecodeTarget {
     /// normalised.
     pub normals: Option<u32>,
 }
-
-setters!(DecodeTarget { offset: u64, stride: u32, normals: Option<u32> });
 
 impl DecodeTarget {
     /// Contiguous positions from the start of the buffer.

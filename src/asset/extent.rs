@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn targets_that_the_tolerance_empties_are_named() {
-        let mesh = squares(&[[0.0, 0.0]], &[0]).to_mesh(Tolerance::default().normal(1e-3)).unwrap();
+        let mesh = squares(&[[0.0, 0.0]], &[0]).to_mesh(Tolerance { normal: 1e-3, ..Default::default() }).unwrap();
         let [large, noise] = [0, 1].map(|target: usize| mesh.targets[target].vertices.len());
         assert!(large > 0 && noise == 0 && mesh.notes.len() == 1, "{large}, {noise}, {:?}", mesh.notes);
         assert!(mesh.notes[0].contains("'noise'") && mesh.notes[0].contains("left empty"), "{:?}", mesh.notes);

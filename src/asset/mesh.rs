@@ -3,7 +3,6 @@
 use super::{Semantic, StreamData, StreamDeltas};
 use crate::error::{Error, Result, ensure};
 use crate::math::far_middle;
-use crate::setters::setters;
 use glam::{Vec2, Vec3};
 use unicode_normalization::UnicodeNormalization;
 
@@ -96,15 +95,12 @@ pub struct MorphSource {
 ///
 /// Deltas of other streams are compared with `normal` if they are directions (tangents), otherwise with `position`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct Tolerance {
     /// Length of a position delta, as a fraction of [`MorphMesh::diagonal`] (≥ 0).
     pub position: f32,
     /// Length of a normal delta (≥ 0; 0.001 is about 0.06°).
     pub normal: f32,
 }
-
-setters!(Tolerance { position: f32, normal: f32 });
 
 impl Tolerance {
     /// Keep every delta that is not exactly zero.

@@ -190,11 +190,14 @@ fn misuse_is_an_error_that_says_what_to_do() {
     let set = |desc, instance, weights| crowd(DeltaFormat::Small, desc, 1).unwrap().set_weights(instance, weights);
     for (result, words) in [
         (make(DeltaFormat::Float32, exact), &["fixed32 poses of float32 deltas", "pack in blocks"][..]),
-        (make(DeltaFormat::Snorm16, cpu.pose(PoseFormat::Rebuilt16)), &["rebuilt16 poses of snorm16", "in blocks"]),
+        (
+            make(DeltaFormat::Snorm16, UpdateDesc { pose: PoseFormat::Rebuilt16, ..cpu }),
+            &["rebuilt16 poses of snorm16", "in blocks"],
+        ),
         (make(DeltaFormat::Float32, UpdateDesc { path: UpdatePath::Compute, ..cpu }), &["'compute' for a CpuCrowd"]),
         (make(DeltaFormat::Fast, UpdateDesc { weight_max: Some(-1.0), ..exact }), &["weights up to -1", "above 0"]),
         (
-            crowd(DeltaFormat::Float32, cpu.slots(64), u32::MAX).map(drop),
+            crowd(DeltaFormat::Float32, UpdateDesc { slots: 64, ..cpu }, u32::MAX).map(drop),
             &["more than there is memory; use fewer instances"],
         ),
         (set(exact, 0, &[0.0, 4.5, 0.0]), &["'target_1') is 4.5", "-4 to 4"]),
@@ -209,7 +212,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
 #[test]
 fn a_head_that_is_added_has_the_crowds_error_budget() {
     let packed = Arc::new(PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(DeltaFormat::Fast)).unwrap());
-    let desc = UpdateDesc::blocks().path(UpdatePath::Cpu).error_budget(0.5);
+    let desc = UpdateDesc { path: UpdatePath::Cpu, error_budget: 0.5, ..UpdateDesc::blocks() };
     let mut crowd = CpuCrowd::new(packed, desc, 1, 1).unwrap();
     crowd.set_error_budget(0, 0.0).unwrap();
     crowd.remove(0).unwrap();

@@ -317,7 +317,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
 
     /// Names of the steps of the update recorded last, in order: of its path (`blocks`, `compute`, …; crowds animated
     /// on the GPU have a name for each step), then of [steps after the pose](crate::after). None if nothing was
-    /// recorded. Labels ([`DeviceDesc::debug_names`](field@crate::DeviceDesc::debug_names)) have these names.
+    /// recorded. Labels ([`DeviceDesc::debug_names`](crate::DeviceDesc::debug_names)) have these names.
     pub fn step_names(&self) -> impl Iterator<Item = &'static str> {
         self.kind.steps.firsts().map(|work| self.step_name(work))
     }

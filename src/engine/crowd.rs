@@ -157,7 +157,7 @@ impl AnimatedCrowd {
     }
 
     /// Keeps only the first `level` targets in the crowd's [order of
-    /// importance](field@crate::AnimationDesc::importance), from the next recorded update on; a value for it is
+    /// importance](crate::AnimationDesc::importance), from the next recorded update on; a value for it is
     /// returned by [`lod::Level::step`](crate::lod::Level::step). The GPU multiplies the weights of clips by the
     /// targets' [factors](crate::lod::Importance::factor), in 2⁻¹⁶. The number of targets or more keeps all, which is
     /// the default.

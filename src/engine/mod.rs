@@ -56,12 +56,12 @@ use std::sync::{Arc, OnceLock};
 /// - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded but unfinished. Updates that recorded
 ///   nothing and discarded ones do not count.
 /// - Engine, meshes and crowds are dropped, in any order, only when the device no longer uses them, and before the
-///   device is destroyed; an [`owner`](field@DeviceDesc::owner) can keep it alive. The host holds no lock of a shared
+///   device is destroyed; an [`owner`](DeviceDesc::owner) can keep it alive. The host holds no lock of a shared
 ///   allocator meanwhile.
 ///
 /// # Several queues
 /// Updates can run on a queue of their own, such as one with compute only, concurrently with the draws of the previous
-/// frame. [`DeviceDesc::queue_families`](field@DeviceDesc::queue_families) names the families of all queues, which
+/// frame. [`DeviceDesc::queue_families`](DeviceDesc::queue_families) names the families of all queues, which
 /// share the buffers; [`CrowdDesc::queue_family`] names the one of a crowd's updates. Semaphores, binary or timeline,
 /// then order what barriers order on one queue:
 ///
@@ -94,7 +94,7 @@ impl MorphEngine {
     /// Creates an engine on the host's device.
     ///
     /// # Errors
-    /// Queue families that the device does not have; values of [`DeviceCaps::tuning`](field@DeviceCaps::tuning) without
+    /// Queue families that the device does not have; values of [`DeviceCaps::tuning`](DeviceCaps::tuning) without
     /// kernels.
     ///
     /// # Safety
@@ -153,7 +153,7 @@ impl MorphEngine {
     /// A mesh of another engine; a path or batch size that the device does not support (the message names an
     /// alternative); host vertices ([`CrowdDesc::poses`]) that do not match the mesh or the path, or whose buffer is
     /// too small, as far as `vkGetBufferMemoryRequirements` tells; usages ([`CrowdDesc::pose_usage`]) that the device
-    /// does not allow; a [queue family](field@CrowdDesc::queue_family) that does not exist, lacks what the path needs,
+    /// does not allow; a [queue family](CrowdDesc::queue_family) that does not exist, lacks what the path needs,
     /// or is not one of the engine's; no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
@@ -183,7 +183,7 @@ impl MorphEngine {
     /// every instance at the current time, plans and executes on the GPU; the CPU records the same commands whatever
     /// changes.
     ///
-    /// Poses are fixed-point, so they do not drift. An [`error_budget`](field@crate::plan::UpdateDesc::error_budget)
+    /// Poses are fixed-point, so they do not drift. An [`error_budget`](crate::plan::UpdateDesc::error_budget)
     /// defers changes target by target. Slots rotate in every update. Instances that have not played anything show the
     /// base pose. [`UpdateStats`](crate::plan::UpdateStats) count one pass and nothing else, since only the GPU knows
     /// the rest. Any number of updates may be in flight, since there is no ring of lists; with [steps after the

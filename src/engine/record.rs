@@ -36,7 +36,7 @@ impl MorphEngine {
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
     ///   without active conditional rendering (the crowd's state takes the update as executed), on a queue of family
-    ///   [`CrowdDesc::queue_family`](field@crate::CrowdDesc::queue_family) or, if that is `None`, with graphics and
+    ///   [`CrowdDesc::queue_family`](crate::CrowdDesc::queue_family) or, if that is `None`, with graphics and
     ///   compute.
     /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later
     ///   ones; or it never runs, and [`Crowd::discard`](super::Crowd::discard) is called with the ticket before any
@@ -62,7 +62,7 @@ impl MorphEngine {
     ///
     /// # Errors
     /// Those of [`record_update`](Self::record_update); crowds for queues of different
-    /// [families](field@crate::CrowdDesc::queue_family). Nothing is recorded then, and no update takes effect: crowds
+    /// [families](crate::CrowdDesc::queue_family). Nothing is recorded then, and no update takes effect: crowds
     /// planned before the one that failed rewrite their poses in their next update.
     ///
     /// # Safety

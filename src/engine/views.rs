@@ -129,7 +129,7 @@ impl PoseView {
 #[non_exhaustive]
 pub struct PoseBuffer {
     /// The stream of instance 0 in slot 0. That of instance i in slot s starts (i ×
-    /// [`slots`](field@crate::UpdateDesc::slots) + s) × `pose_stride` bytes later in the same buffer.
+    /// [`slots`](crate::UpdateDesc::slots) + s) × `pose_stride` bytes later in the same buffer.
     pub first: StreamView,
     /// Bytes from pose to pose.
     pub pose_stride: u64,

@@ -49,7 +49,7 @@ impl HostMemory {
 ///
 /// # Safety
 /// Memory that `allocate` returns meets the request, is on the engine's device (with
-/// [`buffer_device_address`](field@crate::DeviceDesc::buffer_device_address), allocated for it), and overlaps no other
+/// [`buffer_device_address`](crate::DeviceDesc::buffer_device_address), allocated for it), and overlaps no other
 /// until `free` was called with it.
 pub unsafe trait MemorySource: Send + Sync {
     /// Allocates memory.

@@ -4,7 +4,6 @@ use super::allocation::{Memory, MemoryRequest, MemorySource, Source, properties}
 use super::caps::DeviceCaps;
 use super::statistics::{MemoryKind, MemoryStats};
 use crate::error::{Error, LESS, Result, refuse};
-use crate::setters::setters;
 use ash::vk;
 use gpu_allocator::vulkan::{AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes};
@@ -40,7 +39,6 @@ impl SharedAllocator {
 }
 
 /// The host's handles and settings: made by [`new`](Self::new), then changed field by field.
-#[non_exhaustive]
 pub struct DeviceDesc<'a> {
     /// The instance, created for Vulkan 1.1 or later.
     pub instance: &'a ash::Instance,
@@ -74,7 +72,7 @@ pub struct DeviceDesc<'a> {
     /// own from them, and `allocator` is not used. `None`: an allocator.
     pub memory: Option<Arc<dyn MemorySource>>,
     /// Whether `device` was created with the feature `bufferDeviceAddress`, and `allocator`, if given, was made for it:
-    /// pose buffers can then have addresses ([`CrowdDesc::pose_usage`](field@crate::CrowdDesc::pose_usage)).
+    /// pose buffers can then have addresses ([`CrowdDesc::pose_usage`](crate::CrowdDesc::pose_usage)).
     pub buffer_device_address: bool,
     /// Whether the instance was created with VK_EXT_debug_utils: buffers, pipelines and descriptor sets then get names,
     /// and updates labels (one around each call that records any, in it one around each
@@ -90,19 +88,6 @@ pub struct DeviceDesc<'a> {
     /// the host destroys the device after the last of them.
     pub owner: Option<Owner>,
 }
-
-setters!(DeviceDesc<'a> {
-    caps: Option<DeviceCaps>,
-    transform_feedback_enabled: bool,
-    enabled_features: vk::PhysicalDeviceFeatures,
-    pipeline_cache: vk::PipelineCache,
-    allocator: Option<SharedAllocator>,
-    memory: Option<Arc<dyn MemorySource>>,
-    buffer_device_address: bool,
-    debug_names: bool,
-    queue_families: &'a [u32],
-    owner: Option<Owner>,
-});
 
 impl<'a> DeviceDesc<'a> {
     /// Describes a device without extensions and features, with its own limits, no pipeline cache, and the engine's

@@ -18,7 +18,7 @@ pub enum DeviceClass {
 }
 
 /// Tuning for a class of devices. [`DeviceCaps::query`](crate::DeviceCaps::query) chooses it; a host that has measured
-/// its own device may change fields of [`DeviceCaps::tuning`](field@crate::DeviceCaps::tuning) before it makes the
+/// its own device may change fields of [`DeviceCaps::tuning`](crate::DeviceCaps::tuning) before it makes the
 /// engine. The values affect speed only; fixed-point poses have the same bits whatever they are.
 ///
 /// A workgroup of the path `blocks` processes a tile: one block of vertices, for up to eight instances of a crowd, so

@@ -14,7 +14,6 @@ use crate::asset::MorphSource;
 use crate::error::{Error, Result, ensure, shortened};
 use crate::io::{has_extension, list};
 use crate::pack::file::{self, Asset};
-use crate::setters::setters;
 use crate::weights::WeightClip;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +22,6 @@ pub const DEFAULT_FPS: f32 = 30.0;
 
 /// Options of [`open`].
 #[derive(Clone, Debug, Default)]
-#[non_exhaustive]
 pub struct ImportDesc {
     /// Give each vertex one texture coordinate ([`MorphSource::split`]). Packed files are not changed. `false` by
     /// default.
@@ -32,8 +30,6 @@ pub struct ImportDesc {
     /// by default.
     pub unposed: bool,
 }
-
-setters!(ImportDesc { split: bool, unposed: bool });
 
 /// The result of [`open`]: the mesh, and the paths of its clips, which are not read yet.
 #[derive(Debug)]
@@ -263,7 +259,7 @@ mod tests {
             std::fs::write(weights.join(name), "").unwrap();
         }
         let clips = vec![weights.join("a.CSV"), weights.join("b.csv")];
-        assert_eq!(found(ImportDesc::default().split(true)), (4, clips));
+        assert_eq!(found(ImportDesc { split: true, ..Default::default() }), (4, clips));
     }
 
     #[test]

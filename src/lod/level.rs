@@ -1,7 +1,6 @@
 //! The number of targets that an instance keeps: it follows the camera, but so slowly that nothing pops.
 
 use super::Importance;
-use crate::setters::setters;
 
 /// The share of the pixel error for targets left out; changes deferred by an error budget have the rest.
 const SHARE: f32 = 0.5;
@@ -11,7 +10,6 @@ const MARGIN: f32 = 0.8;
 
 /// Options of [`Level`]: the pixel error, and the speed of changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct LevelDesc {
     /// Distance of a vertex from its position with all weights applied, in pixels (≥ 0), once the level has settled.
     /// Half of it is for targets that are left out ([`Level::step`]), half for changes that are deferred
@@ -22,8 +20,6 @@ pub struct LevelDesc {
     pub fade: f32,
 }
 
-setters!(LevelDesc { pixels: f32, fade: f32 });
-
 impl Default for LevelDesc {
     fn default() -> Self {
         Self { pixels: 1.0, fade: 0.008 }
@@ -32,7 +28,7 @@ impl Default for LevelDesc {
 
 impl LevelDesc {
     /// Returns the error budget for this pixel error, in input units, where an input unit takes up `pixels_per_unit`:
-    /// the value for [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget). 0, which defers nothing, if
+    /// the value for [`UpdateDesc::error_budget`](crate::UpdateDesc::error_budget). 0, which defers nothing, if
     /// the result is not a finite number above 0.
     pub fn error_budget(&self, pixels_per_unit: f32) -> f32 {
         let budget = (1.0 - SHARE) * self.pixels / pixels_per_unit;

@@ -12,11 +12,11 @@
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
 //! use deltamorph::{DeltaFormat, PackDesc, PackedMesh, Tolerance};
 //!
-//! let desc = deltamorph_head::HeadDesc::default().vertices(500);
+//! let desc = deltamorph_head::HeadDesc { vertices: 500, ..Default::default() };
 //! let head = deltamorph_head::head(&desc).to_mesh(Tolerance::default())?;
 //! let mesh = PackedMesh::pack(&head, &PackDesc::new(DeltaFormat::Fast))?;
 //! let importance = Importance::of_packed(&mesh, &["eyeBlink"])?;
-//! let mut level = Level::new(LevelDesc::default().pixels(1.0));
+//! let mut level = Level::new(LevelDesc { pixels: 1.0, ..Default::default() });
 //! // Each frame, for each instance:
 //! let mut weights = vec![0.3; mesh.layout().targets.len()];
 //! let distance = 100.0 * mesh.layout().diagonal;

@@ -16,7 +16,7 @@ use unicode_normalization::UnicodeNormalization;
 ///
 /// The first group of every mesh is position and normal. Further streams (tangents, morphing colours and texture
 /// coordinates) fill further groups of six components, each with its own pose buffers;
-/// [`PackedLayout::streams`](field@super::PackedLayout::streams) lists the streams of a group.
+/// [`PackedLayout::streams`](super::PackedLayout::streams) lists the streams of a group.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedGroup {
     pub(super) layout: PackedLayout,
@@ -249,7 +249,7 @@ impl PackedLayout {
     }
 
     /// Converts the user's vertex indices to pose-buffer indices, for another index buffer than
-    /// [`indices`](field@Self::indices). Unchanged in dense formats.
+    /// [`indices`](Self::indices). Unchanged in dense formats.
     ///
     /// # Errors
     /// An index out of range.

@@ -17,7 +17,6 @@ use crate::asset::streams::GROUP_COMPONENTS;
 use crate::asset::{Faces, MorphMesh, RenderVertices};
 use crate::error::{Result, ensure};
 use crate::math::far_middle;
-use crate::setters::setters;
 use blocks::BlockDesc;
 pub use error::PoseError;
 pub(crate) use error::stream_errors;
@@ -43,7 +42,6 @@ pub const BASE_STRIDE: usize = POSE_FLOATS * size_of::<f32>();
 
 /// Describes how a mesh is packed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct PackDesc {
     /// The delta format.
     pub format: DeltaFormat,
@@ -54,8 +52,6 @@ pub struct PackDesc {
     /// Block formats: block size and error limits.
     pub blocks: BlockDesc,
 }
-
-setters!(PackDesc { format: DeltaFormat, max_chunk_bytes: u64, max_chunk_vertices: u64, blocks: BlockDesc });
 
 impl PackDesc {
     /// For any device of Khronos' Android baseline: chunks of at most 128 MiB and 65,535 workgroups.

@@ -153,7 +153,7 @@ fn groups_share_their_weights_and_keep_their_bounds() {
         assert_eq!(alone.iter().min(), Some(&grid.weight_bits));
         taken += 1;
         differing.extend(alone.iter().any(|bits| *bits != alone[0]).then_some(seed));
-        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose);
+        let desc = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
         let packed = Arc::new(packed);
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap();
         let weight = |t: usize| grid.round(((t as u64 * 7919 + seed * 104_729) % 2001) as f32 / 1000.0 - 1.0);

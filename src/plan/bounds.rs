@@ -174,8 +174,7 @@ mod tests {
         let mut looseness: f64 = 0.0;
         let mut tight = 0;
         for head_seed in 0..10 {
-            let desc =
-                HeadDesc::default().vertices(40 + 30 * head_seed).targets(6).sparsity(0.4).seed(head_seed as u64);
+            let desc = HeadDesc { vertices: 40 + 30 * head_seed, targets: 6, sparsity: 0.4, seed: head_seed as u64 };
             let mesh = head(&desc).to_mesh(Tolerance::default()).expect("a mesh");
             let formats = [DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Float32, DeltaFormat::Snorm16];
             let packed = PackedMesh::pack(&mesh, &PackDesc::new(formats[head_seed % 4])).expect("a mesh that fits");
@@ -184,7 +183,7 @@ mod tests {
             } else {
                 PoseFormat::Float32
             };
-            let update = UpdateDesc::blocks().pose(pose).weight_max(Some(4.0));
+            let update = UpdateDesc { pose, weight_max: Some(4.0), ..UpdateDesc::blocks() };
             let bounds = WeightBounds::new(&packed, &update).expect("a grid");
             let grid = update.grid(packed.layout()).expect("a grid");
             for _ in 0..10_000 {
@@ -214,13 +213,14 @@ mod tests {
     /// Poses as they are decoded, in which a vertex far off takes the offset far from all others.
     #[test]
     fn no_decoded_pose_exceeds_its_bounds() {
-        let mut mesh =
-            head(&HeadDesc::default().vertices(500).targets(6)).to_mesh(Tolerance::default()).expect("a mesh");
+        let mut mesh = head(&HeadDesc { vertices: 500, targets: 6, ..Default::default() })
+            .to_mesh(Tolerance::default())
+            .expect("a mesh");
         mesh.positions[0].x += 200.0 * mesh.diagonal;
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that fits"));
         let mut rng = Rng::new(17, 0);
         for pose in [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16] {
-            let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose);
+            let update = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
             let bounds = WeightBounds::new(&packed, &update).expect("a grid");
             let mut crowd = CpuCrowd::new(packed.clone(), update, 1, 1).expect("a crowd");
             for _ in 0..50 {
@@ -238,10 +238,12 @@ mod tests {
 
     #[test]
     fn what_updates_leave_out_is_part_of_the_bounds() {
-        let mesh = head(&HeadDesc::default().vertices(100).targets(3)).to_mesh(Tolerance::default()).expect("a mesh");
+        let mesh = head(&HeadDesc { vertices: 100, targets: 3, ..Default::default() })
+            .to_mesh(Tolerance::default())
+            .expect("a mesh");
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).expect("a mesh that fits");
         let bounds = |budget: f32, bound| {
-            let update = UpdateDesc::blocks().error_budget(budget);
+            let update = UpdateDesc { error_budget: budget, ..UpdateDesc::blocks() };
             WeightBounds::new(&packed, &update).expect("no grid").of(&[0.5; 3], bound)
         };
         let [plain, deferred, drifted] = [bounds(0.0, 0.0), bounds(0.25, 0.0), bounds(0.0, 0.25)];

@@ -4,7 +4,6 @@ use super::paths::UpdatePath;
 use crate::error::Result;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{PackedLayout, PoseFormat};
-use crate::setters::setters;
 
 impl UpdatePath {
     /// The mode of [`UpdateDesc::new`]: incremental, if the path supports it.
@@ -64,7 +63,6 @@ impl std::fmt::Display for BatchSize {
 
 /// Describes how the poses of a crowd are updated. Fixed for the crowd's life.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct UpdateDesc {
     /// The update path.
     pub path: UpdatePath,
@@ -97,17 +95,6 @@ pub struct UpdateDesc {
     /// normals are deferred with them, other streams never. Crowds animated on the GPU have none.
     pub error_budget: f32,
 }
-
-setters!(UpdateDesc {
-    path: UpdatePath,
-    batch: BatchSize,
-    mode: UpdateMode,
-    slots: u32,
-    pose: PoseFormat,
-    tolerance: f32,
-    weight_max: Option<f32>,
-    error_budget: f32,
-});
 
 impl UpdateDesc {
     /// Incremental updates (rebuilds, if the path has no others) of float32 poses in two slots, with a tolerance of

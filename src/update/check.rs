@@ -152,7 +152,7 @@ impl UpdateDesc {
 
 /// Extensions and features to enable when creating a device for `path`. Otherwise core Vulkan 1.1 suffices, with one
 /// queue for graphics and compute, or one with compute for updates and another for draws
-/// ([`DeviceDesc::queue_families`](field@crate::DeviceDesc::queue_families)).
+/// ([`DeviceDesc::queue_families`](crate::DeviceDesc::queue_families)).
 pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
     match path.row().needs {
         Needs::TransformFeedback => &[Requirement {

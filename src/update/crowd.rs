@@ -4,12 +4,10 @@ use crate::error::{Result, ensure};
 use crate::gpu::device::Device;
 use crate::pack::{PackedLayout, VertexLayout};
 use crate::plan::{Consumers, UpdateDesc, UpdatePath};
-use crate::setters::setters;
 use ash::vk;
 
 /// Describes a crowd on a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct CrowdDesc {
     /// Number of instances (≥ 1), each with its own weights and poses. It is fixed: make as many as are needed at most,
     /// and [remove](crate::Crowd::remove) or [hide](crate::Crowd::set_hidden) the rest, which updates leave out; or
@@ -23,28 +21,18 @@ pub struct CrowdDesc {
     /// Readers of poses between updates: updates wait for them, and make new poses visible to them.
     pub consumers: Consumers,
     /// Queue family of the crowd's updates; `None`: one with graphics and compute. Without graphics, barriers contain
-    /// no graphics stages; [consumers](field@Self::consumers) in such stages are on another queue
+    /// no graphics stages; [consumers](Self::consumers) in such stages are on another queue
     /// ([`MorphEngine`](crate::MorphEngine#several-queues)).
     pub queue_family: Option<u32>,
     /// Extra usages of engine-owned pose buffers, in addition to the defaults (vertex, storage and storage texel
     /// buffer, transfer source; transform feedback buffer if the device supports it). Usages of Vulkan 1.0; also
     /// `SHADER_DEVICE_ADDRESS` and `ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR` if
-    /// [`DeviceDesc::buffer_device_address`](field@crate::DeviceDesc::buffer_device_address) is set (the latter also
+    /// [`DeviceDesc::buffer_device_address`](crate::DeviceDesc::buffer_device_address) is set (the latter also
     /// needs its extension).
     pub pose_usage: vk::BufferUsageFlags,
     /// Host vertices to write poses into (path `blocks`); `None`: engine-owned pose buffers.
     pub poses: Option<HostPoses>,
 }
-
-setters!(CrowdDesc {
-    instances: u32,
-    update: UpdateDesc,
-    frames_in_flight: u32,
-    consumers: Consumers,
-    queue_family: Option<u32>,
-    pose_usage: vk::BufferUsageFlags,
-    poses: Option<HostPoses>,
-});
 
 impl CrowdDesc {
     /// One instance, two frames in flight, the default consumers, engine-owned pose buffers.
@@ -123,7 +111,7 @@ impl CrowdDesc {
 ///
 /// Updates, passes and barriers are the same as with engine-owned buffers; only software drivers are slower in format
 /// `fast`, for which they have kernels for the engine's layout alone. Barriers are global memory barriers and order all
-/// reads of the buffer by the [consumers](field@CrowdDesc::consumers). The host decides how the buffer is shared. If
+/// reads of the buffer by the [consumers](CrowdDesc::consumers). The host decides how the buffer is shared. If
 /// updates and draws run on queues of two families, use `VK_SHARING_MODE_CONCURRENT`, like the engine's own buffers
 /// ([`MorphEngine`](crate::MorphEngine#several-queues)). With `VK_SHARING_MODE_EXCLUSIVE` the host transfers ownership
 /// of the crowd's whole range: from the draws' queue to the updates' before each update, and back after it. Since an
@@ -141,7 +129,7 @@ impl CrowdDesc {
 /// let buffer = create(bytes); // VERTEX_BUFFER | STORAGE_BUFFER
 /// // SAFETY: it is large enough, of this device, and outlives the crowd.
 /// let poses = unsafe { HostPoses::new(buffer, 0, vertex) };
-/// let crowd = engine.create_crowd(mesh, &CrowdDesc::new(update).poses(Some(poses)))?;
+/// let crowd = engine.create_crowd(mesh, &CrowdDesc { poses: Some(poses), ..CrowdDesc::new(update) })?;
 /// # Ok(())
 /// # }
 /// ```

@@ -18,7 +18,7 @@ const POISON: u8 = 0xff;
 /// The host's bytes after the poses.
 const BEHIND: usize = 52;
 fn head_desc() -> HeadDesc {
-    HeadDesc::default().vertices(500).targets(37).sparsity(0.15).seed(3)
+    HeadDesc { vertices: 500, targets: 37, sparsity: 0.15, seed: 3 }
 }
 
 fn packed(headless: &Headless, format: DeltaFormat, with_streams: bool) -> Arc<PackedMesh> {
@@ -204,7 +204,8 @@ fn on_devices(test: impl Fn(&Headless)) {
 fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
     on_devices(|headless| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        let blocks = |format, pose, slots| (format, UpdateDesc::blocks().pose(pose).slots(slots).tolerance(1e-2));
+        let blocks =
+            |format, pose, slots| (format, UpdateDesc { pose, slots, tolerance: 1e-2, ..UpdateDesc::blocks() });
         let cases = [
             (blocks(DeltaFormat::Fast, PoseFormat::Float32, 2), 3, false),
             (blocks(DeltaFormat::Small, PoseFormat::Float32, 1), 1, false),
@@ -222,10 +223,10 @@ fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
             };
             for place in layouts {
                 let what = format!("{} {format:?} {update:?} {place:?}", headless.caps().name);
-                let desc = CrowdDesc::new(update).instances(heads);
+                let desc = CrowdDesc { instances: heads, ..CrowdDesc::new(update) };
                 let bytes = place.0.pose_bytes(mesh.layout()) * u64::from(heads * update.slots);
                 let in_host = Host::new(&host, headless, place, bytes);
-                let desc_of_host = desc.poses(Some(in_host.poses));
+                let desc_of_host = CrowdDesc { poses: Some(in_host.poses), ..desc };
                 assert_eq!(Crowd::pose_bytes(&mesh, &desc_of_host), bytes);
                 let mut ours = HeadlessCrowd::new(headless, &mesh, &desc).expect(&what);
                 let mut theirs = HeadlessCrowd::new(headless, &mesh, &desc_of_host).expect(&what);
@@ -272,17 +273,19 @@ fn heads_that_play_clips_are_written_into_the_hosts_vertices() {
         ] {
             for place in places {
                 let mesh = packed(headless, DeltaFormat::Fast, place.0.offset(Semantic::Tangent).is_some());
-                let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose)).instances(3);
+                let desc = CrowdDesc { instances: 3, ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() }) };
                 let bytes = place.0.pose_bytes(mesh.layout()) * 3 * 2;
                 let in_host = Host::new(&host, headless, place, bytes);
                 let clips = [head_clip(&head_desc(), 40, 30.0)];
                 let made = |desc: CrowdDesc| -> HeadlessCrowd<'_, AnimatedCrowd> {
                     let animation = AnimationDesc::new(&clips);
                     let mut crowd = HeadlessCrowd::animated(headless, &mesh, &desc, &animation).expect("a crowd");
-                    (0..3).for_each(|i| crowd.play(i, &Playback::new(0).start(f64::from(i) * -0.1)).expect("a clip"));
+                    (0..3).for_each(|i| {
+                        crowd.play(i, &Playback { start: f64::from(i) * -0.1, ..Playback::new(0) }).expect("a clip")
+                    });
                     crowd
                 };
-                let (mut ours, mut theirs) = (made(desc), made(desc.poses(Some(in_host.poses))));
+                let (mut ours, mut theirs) = (made(desc), made(CrowdDesc { poses: Some(in_host.poses), ..desc }));
                 for frame in 0..5 {
                     let what = format!("{} {pose:?} {place:?}, frame {frame}", headless.caps().name);
                     for crowd in [&mut ours, &mut theirs] {
@@ -313,11 +316,15 @@ fn poses_in_the_hosts_vertices_are_decoded() {
             let mesh = packed(headless, DeltaFormat::Fast, false);
             let bytes = place.0.pose_bytes(mesh.layout()) * 2 * 2;
             let in_host = Host::new(&host, headless, place, bytes);
-            let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose)).instances(2).poses(Some(in_host.poses));
+            let desc = CrowdDesc {
+                instances: 2,
+                poses: Some(in_host.poses),
+                ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() })
+            };
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             let count = mesh.layout().vertex_count;
             let target = host.shared(24 * count, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer");
-            let decoded = DecodeTarget::new(target.buffer).stride(24).normals(Some(12));
+            let decoded = DecodeTarget { stride: 24, normals: Some(12), ..DecodeTarget::new(target.buffer) };
             // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
             unsafe { crowd.set_decode_target(1, Some(&decoded)) }.expect("a target");
             for frame in 0..4 {

@@ -33,7 +33,7 @@ const FRAGMENT: &str = "#version 450
 
 #[test]
 fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_their_own() {
-    let desc = HeadDesc::default().vertices(900).targets(37);
+    let desc = HeadDesc { vertices: 900, targets: 37, ..Default::default() };
     let mesh = head(&desc).to_mesh(Tolerance::default()).expect("a mesh");
     let edge = 128;
     for driver in gpu::drivers() {
@@ -41,7 +41,7 @@ fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_th
             let mut expected: Option<Vec<Pixel>> = None;
             for format in PoseFormat::ALL {
                 let packed = gpu::packed(engine, &mesh, DeltaFormat::Fast);
-                let update = CrowdDesc::new(UpdateDesc::blocks().pose(format));
+                let update = CrowdDesc::new(UpdateDesc { pose: format, ..UpdateDesc::blocks() });
                 let mut crowd = HeadlessCrowd::new(headless, &packed, &update).expect("a crowd");
                 let host = Offscreen::new(headless, edge, vk::Format::R8G8B8A8_UNORM).expect("an image");
                 let mut triangles = mesh.faces.triangles(&mesh.positions).concat();
@@ -102,7 +102,7 @@ fn views_say_what_streams_of_integer_poses_are() {
     gpu::on_every_device(|headless, engine| {
         let mesh = testing::with_streams(testing::mesh(300, 20));
         let packed = gpu::packed(engine, &mesh, DeltaFormat::Fast);
-        let update = CrowdDesc::new(UpdateDesc::blocks().pose(PoseFormat::Fixed16));
+        let update = CrowdDesc::new(UpdateDesc { pose: PoseFormat::Fixed16, ..UpdateDesc::blocks() });
         let mut crowd = HeadlessCrowd::new(headless, &packed, &update).expect("a crowd");
         crowd.step(&[&[0.5; 20]]).expect("a step");
         assert_eq!(crowd.crowd().pose(0).expect("a pose").stride, 12);

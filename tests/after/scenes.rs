@@ -56,7 +56,12 @@ impl Posed {
             let rows = |m: DMat4| m.transpose().to_cols_array().into_iter().take(12).map(|x| x as f32);
             let joints: Vec<f32> = skeleton.joint_matrices(playing).into_iter().flat_map(rows).collect();
             let (of, count) = (&skeleton.influences, skeleton.joint_count() as u32);
-            let desc = SkinDesc::new(of.per_vertex as u32, count, &of.joints, &of.weights);
+            let desc = SkinDesc {
+                influences: of.per_vertex as u32,
+                joint_count: count,
+                joints: &of.joints,
+                weights: &of.weights,
+            };
             pose = reference::skin(&pose, &desc, SkinMethod::Linear, &joints).expect("a skinned pose");
         }
         let origin = self.mesh.origin.as_dvec3();

@@ -26,7 +26,7 @@ const SKINNED: (f64, f64) = (1e-5, 0.01);
 const RECOMPUTED: f64 = 0.5;
 
 fn head_desc() -> HeadDesc {
-    HeadDesc::default().vertices(900).targets(37).sparsity(0.05).seed(3)
+    HeadDesc { vertices: 900, targets: 37, sparsity: 0.05, seed: 3 }
 }
 
 /// Makes a head with a seam in its texture coordinates, at which vertices are doubled.
@@ -133,7 +133,7 @@ impl<'a> Rig<'a> {
             Kind::Decode => {
                 let (offset, stride, normals) = if which == 0 { (0, 12, None) } else { place };
                 let output = written((offset, stride, normals));
-                let target = DecodeTarget::new(output.buffer).offset(offset).stride(stride).normals(normals);
+                let target = DecodeTarget { offset, stride, normals, ..DecodeTarget::new(output.buffer) };
                 (Target::Decode(target), vec![output])
             }
             Kind::Skin => {
@@ -141,7 +141,12 @@ impl<'a> Rig<'a> {
                 let few = (mesh.layout().format == DeltaFormat::Fast) == (which == 0);
                 let per_vertex = if few { 4 } else { 8 };
                 let influences = influences(vertices, per_vertex);
-                let desc = SkinDesc::new(per_vertex, JOINTS, &influences.0, &influences.1);
+                let desc = SkinDesc {
+                    influences: per_vertex,
+                    joint_count: JOINTS,
+                    joints: &influences.0,
+                    weights: &influences.1,
+                };
                 // SAFETY: the buffer is recording, runs once, and is waited for; so below.
                 let uploaded = headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, mesh, &desc) });
                 let mut skin = uploaded.expect("a skin");
@@ -154,15 +159,16 @@ impl<'a> Rig<'a> {
                     outputs.push(written((offset + 4, stride, normals)));
                 }
                 let target = SkinTarget::new(outputs[0].buffer, joints.shared.buffer, 3 * Joints::STRIDE);
-                let target = target.offset(offset).stride(stride).normals(normals).method(method);
-                let target = target.second(outputs.get(1).map(|other| (other.buffer, offset + 4)));
-                let target = target.joints_offset(joints.offset());
+                let target = SkinTarget { offset, stride, normals, method, ..target };
+                let target = SkinTarget { second: outputs.get(1).map(|other| (other.buffer, offset + 4)), ..target };
+                let target = SkinTarget { joints_offset: joints.offset(), ..target };
                 skinned = Some(Skinned { skin, per_vertex, influences, method, joints, before: vec![] });
                 (Target::Skin(target), outputs)
             }
             Kind::Normals => {
                 let corners = corners(source);
-                let desc = NormalsDesc::new(&corners).sizes(&source.faces.sizes).welds(&source.welds);
+                let desc =
+                    NormalsDesc { sizes: &source.faces.sizes, welds: &source.welds, ..NormalsDesc::new(&corners) };
                 // SAFETY: as above.
                 let uploaded = headless.run(|cmd| unsafe { headless.engine().upload_normals(cmd, mesh, &desc) });
                 let mut uploaded = uploaded.expect("a surface");
@@ -171,7 +177,7 @@ impl<'a> Rig<'a> {
                 surface = Some(uploaded);
                 let (offset, stride) = [(0, 12), (20, 28)][which];
                 let output = written((offset, stride, None));
-                (Target::Normals(NormalsTarget::new(output.buffer).offset(offset).stride(stride)), vec![output])
+                (Target::Normals(NormalsTarget { offset, stride, ..NormalsTarget::new(output.buffer) }), vec![output])
             }
         };
         let held = outputs.iter().map(|_| vec![]).collect();
@@ -253,7 +259,12 @@ impl<'a> Rig<'a> {
                 (0.0, 0.0)
             }
             (Target::Skin(_), Some(Skinned { per_vertex, influences, method, joints, .. })) => {
-                let desc = SkinDesc::new(*per_vertex, JOINTS, &influences.0, &influences.1);
+                let desc = SkinDesc {
+                    influences: *per_vertex,
+                    joint_count: JOINTS,
+                    joints: &influences.0,
+                    weights: &influences.1,
+                };
                 let expected = reference::skin(reference, &desc, *method, &joints.numbers).expect("a skinned pose");
                 let mut padded = held.clone();
                 padded.resize(layout.padded_vertices() * 6, f32::NAN);
@@ -263,7 +274,11 @@ impl<'a> Rig<'a> {
             }
             (Target::Normals(_), _) => {
                 let corners = corners(self.source);
-                let desc = NormalsDesc::new(&corners).sizes(&self.source.faces.sizes).welds(&self.source.welds);
+                let desc = NormalsDesc {
+                    sizes: &self.source.faces.sizes,
+                    welds: &self.source.welds,
+                    ..NormalsDesc::new(&corners)
+                };
                 let expected = reference::normals(reference, &desc).expect("normals");
                 let mut found = vec![DVec3::NAN; layout.vertex_count];
                 for (packed, normal) in held.chunks_exact(3).enumerate() {
@@ -312,11 +327,12 @@ fn each_writes_the_reference_and_only_what_changed() {
             let mesh = Arc::new(gpu::packed(engine, &source, format));
             let vertices = mesh.layout().vertex_count;
             let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
-            let desc = CrowdDesc::new(update).instances(3).consumers(consumers);
+            let desc = CrowdDesc { instances: 3, consumers, ..CrowdDesc::new(update) };
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             // Float32 poses may differ in bits from the twin's: compared with the device's own.
             let integers = update.pose.has_integers();
-            let mut twin = CpuCrowd::new(mesh.clone(), update.path(UpdatePath::Cpu), 3, 1).expect("a crowd");
+            let mut twin =
+                CpuCrowd::new(mesh.clone(), UpdateDesc { path: UpdatePath::Cpu, ..update }, 3, 1).expect("a crowd");
             let mut rigs =
                 [0, 1].map(|which| (which * 2, Rig::new(kind, which as usize, headless, &host, (&source, &mesh))));
             let mut fewer = 0;
@@ -392,10 +408,12 @@ fn each_follows_heads_that_play_clips() {
         for (kind, pose) in
             Kind::ALL.into_iter().flat_map(|k| [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|p| (k, p)))
         {
-            let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose)).instances(9);
+            let desc = CrowdDesc { instances: 9, ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() }) };
             let animation = AnimationDesc::new(&clips);
             let mut crowd = HeadlessCrowd::animated(headless, &mesh, &desc, &animation).expect("a crowd");
-            (0..9).for_each(|i| crowd.play(i, &Playback::new(0).start(f64::from(i) * -0.1)).expect("a clip"));
+            (0..9).for_each(|i| {
+                crowd.play(i, &Playback { start: f64::from(i) * -0.1, ..Playback::new(0) }).expect("a clip")
+            });
             let mut rig = Rig::new(kind, 1, headless, &host, (&source, &mesh));
             rig.set(&mut crowd, 8);
             for frame in 0..5 {
@@ -485,9 +503,15 @@ fn targets_that_do_not_fit_are_refused() {
             let (fours, smaller) = ("multiples of 4", "use a smaller stride");
             let refused = match &mut rig.target {
                 Target::Decode(t) => {
-                    let wrong = [t.offset(2), t.stride(20), t.stride(26), t.normals(Some(8)), t.normals(Some(14))];
+                    let wrong = [
+                        DecodeTarget { offset: 2, ..*t },
+                        DecodeTarget { stride: 20, ..*t },
+                        DecodeTarget { stride: 26, ..*t },
+                        DecodeTarget { normals: Some(8), ..*t },
+                        DecodeTarget { normals: Some(14), ..*t },
+                    ];
                     let wrong = wrong.map(|t| (Target::Decode(t), fours)).to_vec();
-                    [wrong, vec![(Target::Decode(t.stride(1 << 30)), smaller)]].concat()
+                    [wrong, vec![(Target::Decode(DecodeTarget { stride: 1 << 30, ..*t }), smaller)]].concat()
                 }
                 Target::Skin(target) => {
                     // Room for the joints alone.
@@ -495,17 +519,21 @@ fn targets_that_do_not_fit_are_refused() {
                     *target = SkinTarget::new(output.buffer, joints.shared.buffer, u64::from(JOINTS) * 48);
                     let t = *target;
                     let wrong = [
-                        (t.stride(20), fours),
-                        (t.second(Some((output.buffer, 2))), fours),
-                        (t.joints_offset(16), "room for all joints"),
-                        (t.joints_offset(8), "multiple of 16"),
-                        (t.stride(1 << 30), smaller),
+                        (SkinTarget { stride: 20, ..t }, fours),
+                        (SkinTarget { second: Some((output.buffer, 2)), ..t }, fours),
+                        (SkinTarget { joints_offset: 16, ..t }, "room for all joints"),
+                        (SkinTarget { joints_offset: 8, ..t }, "multiple of 16"),
+                        (SkinTarget { stride: 1 << 30, ..t }, smaller),
                     ];
                     wrong.map(|(t, words)| (Target::Skin(t), words)).to_vec()
                 }
-                Target::Normals(t) => {
-                    [t.stride(8), t.stride(14), t.offset(2)].map(|t| (Target::Normals(t), fours)).to_vec()
-                }
+                Target::Normals(t) => [
+                    NormalsTarget { stride: 8, ..*t },
+                    NormalsTarget { stride: 14, ..*t },
+                    NormalsTarget { offset: 2, ..*t },
+                ]
+                .map(|t| (Target::Normals(t), fours))
+                .to_vec(),
             };
             let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::blocks());
             let text = |result: Result<()>| result.expect_err("a refusal").to_string();
@@ -551,7 +579,7 @@ fn skins_and_surfaces_that_do_not_fit_are_refused() {
             (4, JOINTS, &changed(5..6, f32::NAN), "vertex 1 has the weight NaN"),
             (4, JOINTS, &changed(8..12, 0.0), "vertex 2 has weights that sum to 0"),
         ] {
-            let desc = SkinDesc::new(per_vertex, count, &joints, weights);
+            let desc = SkinDesc { influences: per_vertex, joint_count: count, joints: &joints, weights };
             // SAFETY: it is refused, and nothing is recorded.
             let uploaded = headless.run(|cmd| unsafe { engine.upload_skin(cmd, &mesh, &desc) });
             crate::testing::says(uploaded, &[words]);
@@ -565,15 +593,15 @@ fn skins_and_surfaces_that_do_not_fit_are_refused() {
         };
         refused(NormalsDesc::new(&[0, 1, 2, 0, 1, u32::MAX]), "names vertex 4294967295");
         for (corners, sizes) in [(5, &[][..]), (6, &[3, 2]), (6, &[4, 2]), (6, &[u32::MAX, 7])] {
-            refused(NormalsDesc::new(&[0; 6][..corners]).sizes(sizes), "three corners or more");
+            refused(NormalsDesc { sizes, ..NormalsDesc::new(&[0; 6][..corners]) }, "three corners or more");
         }
-        refused(NormalsDesc::new(&triangles).welds(&[0]), "1 welds for");
+        refused(NormalsDesc { welds: &[0], ..NormalsDesc::new(&triangles) }, "1 welds for");
         // One polygon, whose fans take the square of its corners: counted before they are made.
         let sides = 10 + (headless.caps().max_storage_range as f64 / 8.0).sqrt() as u32;
         let polygon: Vec<u32> = (0..sides).map(|i| i % mesh.layout().vertex_count as u32).collect();
         let mut text = String::new();
         let memory = allocation_counter::measure(|| {
-            text = refused(NormalsDesc::new(&polygon).sizes(&[sides]), "split the mesh");
+            text = refused(NormalsDesc { sizes: &[sides], ..NormalsDesc::new(&polygon) }, "split the mesh");
         });
         assert!(text.starts_with("surface of mesh '"), "{text}");
         assert!(memory.bytes_max < 1 << 20, "{} bytes for a polygon of {sides} corners", memory.bytes_max);

@@ -5,7 +5,7 @@ use crate::scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_str
 use crate::testing;
 use deltamorph::{
     AnimationDesc, CpuCrowd, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat,
-    UpdateMode, UpdatePath,
+    UpdateDesc, UpdateMode, UpdatePath,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
@@ -18,10 +18,12 @@ fn dice(state: &mut u32, n: u32) -> u32 {
 
 fn some_playback(state: &mut u32, now: f64) -> Playback {
     let speeds = [1.0, 0.5, -1.0, 3.0, 0.0, -0.25];
-    Playback::new(dice(state, 3))
-        .start(now + f64::from(dice(state, 20)) / 10.0 - 1.5)
-        .speed(speeds[dice(state, 6) as usize])
-        .repeat(if dice(state, 2) == 0 { Repeat::Loop } else { Repeat::Once })
+    Playback {
+        start: now + f64::from(dice(state, 20)) / 10.0 - 1.5,
+        speed: speeds[dice(state, 6) as usize],
+        repeat: if dice(state, 2) == 0 { Repeat::Loop } else { Repeat::Once },
+        ..Playback::new(dice(state, 3))
+    }
 }
 
 /// Plays, hides and shows instances at random. Returns the numbers of blocks rebuilt, added to, and only brought
@@ -34,7 +36,7 @@ fn play_around(
     frames: u32,
 ) -> [usize; 3] {
     let (clips, mut seen) = (clips(), [0; 3]);
-    let mut scene = Scene::new(headless, mesh, desc, &AnimationDesc::new(&clips).key_format(keys));
+    let mut scene = Scene::new(headless, mesh, desc, &AnimationDesc { key_format: keys, ..AnimationDesc::new(&clips) });
     let mut state = desc.instances * 31 + desc.update.slots;
     for frame in 0..frames {
         let now = f64::from(frame) / 24.0;
@@ -78,7 +80,7 @@ fn the_gpu_plans_as_the_cpu_does() {
                 let mode =
                     if (i as u32 + slots).is_multiple_of(4) { UpdateMode::Rebuild } else { UpdateMode::Incremental };
                 let keys = if slots == 2 { KeyFormat::Bits16 } else { KeyFormat::Bits32 };
-                let desc = crowd(instances, fixed(pose, slots).mode(mode));
+                let desc = crowd(instances, UpdateDesc { mode, ..fixed(pose, slots) });
                 let [rebuilt, added, caught_up] = play_around(headless, &mesh, desc, keys, 16);
                 let rebuilds = mode == UpdateMode::Rebuild || pose == PoseFormat::Rebuilt16;
                 assert!(rebuilt > 0 && (instances < 7 || rebuilds == (added == 0)), "{desc:?}");
@@ -130,7 +132,8 @@ fn groups_of_very_different_ranges_are_animated_alike() {
                 animated.step(&[]).expect("a step");
                 let mut planned = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
                 planned.step(&[&weights]).expect("a step");
-                let mut on_cpu = CpuCrowd::new(mesh.clone(), update.path(UpdatePath::Cpu), 1, 1).expect("a crowd");
+                let mut on_cpu =
+                    CpuCrowd::new(mesh.clone(), UpdateDesc { path: UpdatePath::Cpu, ..update }, 1, 1).expect("a crowd");
                 on_cpu.set_weights(0, &weights).expect("weights");
                 on_cpu.update();
                 for group in 0..mesh.groups().len() {
@@ -201,7 +204,7 @@ fn thousands_of_heads_start_at_once() {
     let limits = gpu::baseline(|caps| caps.max_workgroups = 60);
     gpu::on_device_within(&gpu::one(), Some(limits), |headless, _| {
         let clips = clips();
-        let animation = AnimationDesc::new(&clips).key_format(KeyFormat::Bits16);
+        let animation = AnimationDesc { key_format: KeyFormat::Bits16, ..AnimationDesc::new(&clips) };
         let mut scene = Scene::new(headless, &mesh, crowd(2100, fixed(PoseFormat::Fixed16, 1)), &animation);
         let mut state = 5;
         for instance in scene.instances() {

@@ -20,8 +20,8 @@ const TARGETS: usize = 12;
 fn one_number_of_pixels_steers_the_error_budget_too() {
     let mesh = testing::mesh(700, TARGETS);
     let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs"));
-    let desc = LevelDesc::default().pixels(1.0);
-    let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).error_budget(10.0);
+    let desc = LevelDesc { pixels: 1.0, ..Default::default() };
+    let update = UpdateDesc { error_budget: 10.0, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
     let mut crowd = CpuCrowd::new(packed.clone(), update, 2, 1).expect("a crowd");
     let mut written = [0; 2];
     for frame in 0..60 {
@@ -46,7 +46,7 @@ fn one_number_of_pixels_steers_the_error_budget_too() {
     let refused = crowd.set_error_budget(0, 11.0).expect_err("more than the crowd's").to_string();
     assert!(refused.contains("an error budget of 11 for an instance of a crowd that was made with 10"), "{refused}");
     on_every_device(|headless, engine| {
-        let budget = UpdateDesc::blocks().error_budget(10.0);
+        let budget = UpdateDesc { error_budget: 10.0, ..UpdateDesc::blocks() };
         for (update, refused) in [(budget, 1), (UpdateDesc::new(UpdatePath::Compute, BatchSize::All), 2)] {
             let format = if refused == 1 { DeltaFormat::Small } else { DeltaFormat::Float32 };
             let packed = gpu::packed(engine, &mesh, format);
@@ -70,15 +70,15 @@ fn levels_are_applied_on_the_gpu() {
             let (clips, targets) = (scene::clips(), importance.order().len());
             let update = scene::fixed(pose, 2);
             let step = f64::from(scene::grid(&mesh, &update).weight_step());
-            let animation = AnimationDesc::new(&clips).importance(Some(&importance));
+            let animation = AnimationDesc { importance: Some(&importance), ..AnimationDesc::new(&clips) };
             let [mut whole, mut kept] =
                 [(); 2].map(|()| Scene::new(headless, &mesh, scene::crowd(9, update), &animation));
             for head in 0..9 {
-                let playback = Playback::new(head % 2).start(-0.3 * f64::from(head));
+                let playback = Playback { start: -0.3 * f64::from(head), ..Playback::new(head % 2) };
                 [&mut whole, &mut kept].into_iter().for_each(|scene| scene.play(head, playback));
             }
             let unit = 1.0 / mesh.layout().diagonal;
-            let desc = LevelDesc::default().pixels(2.0).fade(1.0);
+            let desc = LevelDesc { pixels: 2.0, fade: 1.0 };
             let mut levels = vec![Level::new(desc); 9];
             let mut elements = vec![];
             for frame in 0..12u32 {
@@ -128,7 +128,7 @@ fn levels_are_applied_on_the_gpu() {
         let mut without = Scene::new(headless, &mesh, desc, &AnimationDesc::new(&clips));
         testing::says(without.crowd.set_level(0, 3.0), &["give AnimationDesc::importance"]);
         let other = Importance::of(&testing::mesh(100, 5), &[]).expect("an order");
-        let animation = AnimationDesc::new(&clips).importance(Some(&other));
+        let animation = AnimationDesc { importance: Some(&other), ..AnimationDesc::new(&clips) };
         testing::says(HeadlessCrowd::animated(headless, &mesh, &desc, &animation), &["of 5 targets for mesh"]);
     });
 }

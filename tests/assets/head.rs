@@ -6,7 +6,7 @@ use deltamorph_head::{HeadDesc, head, head_clip};
 use std::collections::HashMap;
 
 fn desc(vertices: usize, targets: usize, sparsity: f32) -> HeadDesc {
-    HeadDesc::default().vertices(vertices).targets(targets).sparsity(sparsity)
+    HeadDesc { vertices, targets, sparsity, ..Default::default() }
 }
 
 /// FNV-1a.
@@ -90,7 +90,7 @@ fn the_same_description_gives_the_same_bits() {
     assert_eq!(format!("{:016x}", hash(texcoords.chain(indices))), TEXCOORDS);
     let clip = head_clip(&d, 900, 30.0);
     assert_eq!(format!("{:016x}", hash(clip.values.iter().map(|w| w.to_bits()))), CLIP);
-    let other = head(&d.clone().seed(2));
+    let other = head(&HeadDesc { seed: 2, ..d.clone() });
     assert_eq!(other.positions, head(&d).positions);
     assert_ne!(fingerprint(&other), fingerprint(&head(&d)));
 }
@@ -115,7 +115,7 @@ fn the_first_targets_have_the_arkit_names() {
 fn targets_move_the_fraction_that_was_asked_for() {
     for (sparsity, targets) in [(0.02, 52), (0.12, 72), (0.25, 120), (0.5, 52), (0.9, 60), (1.0, 80)] {
         let source = head(&desc(6000, targets, sparsity));
-        let mesh = source.to_mesh(Tolerance::default().normal(1e9)).unwrap();
+        let mesh = source.to_mesh(Tolerance { normal: 1e9, ..Default::default() }).unwrap();
         let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
         let mean = moved as f32 / (6000 * targets) as f32;
         let most = if sparsity == 1.0 { 1e-6 } else { 0.2 };

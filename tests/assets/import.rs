@@ -403,7 +403,7 @@ fn what_is_written_reads_back_bit_for_bit() {
 fn noise_is_dropped_and_does_not_come_back_in_the_normals() {
     let mut source = import(NEUTRAL, &[("a.obj", &NEUTRAL.replace("v 0 0 1", "v 0.2 0.1 1.5"))]);
     source.targets[0].positions.insert(0, (1, Vec3::splat(1e-8)));
-    let mesh = source.to_mesh(Tolerance::default().position(1e-6).normal(1e9)).unwrap();
+    let mesh = source.to_mesh(Tolerance { position: 1e-6, normal: 1e9 }).unwrap();
     assert_eq!(mesh.targets[0].vertices, [3]);
     let mesh = source.to_mesh(Tolerance::default()).unwrap();
     let target = &mesh.targets[0];
@@ -436,7 +436,7 @@ fn a_source_that_makes_no_sense_is_refused() {
     says(&refused(&|s| s.faces.sizes[0] = 2), &["corners"]);
     says(&refused(&|s| s.faces.corners[0].position = 9), &["vertex 9, there are 4"]);
     says(&refused(&|s| s.faces.corners[0].texcoord = Some(0)), &["texture coordinate 0, there are 0"]);
-    let tolerance = Tolerance::default().position(-1.0).normal(0.0);
+    let tolerance = Tolerance { position: -1.0, normal: 0.0 };
     says(&good.to_mesh(tolerance).unwrap_err().to_string(), &["position tolerance is -1"]);
 }
 

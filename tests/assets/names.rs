@@ -22,7 +22,7 @@ fn a_captured_arkit_clip_plays_on_every_face() {
         "columns that move several targets at once: 'browInnerUp', 'cheekPuff'",
     ];
     let faces = [("ict_facekit", &of_ict[..]), ("makehuman_face", &[]), ("facecap_head_glb", &[])];
-    let head = head(&HeadDesc::default().vertices(500));
+    let head = head(&HeadDesc { vertices: 500, ..Default::default() });
     let faces = faces.into_iter().filter_map(|(name, notes)| Some((name, data::set(name), mesh(name)?, notes)));
     for (name, folder, source, notes) in faces.chain([("the built-in head", None, head, &[][..])]) {
         let targets: Vec<&str> = source.targets.iter().map(|target| target.name.as_str()).collect();

@@ -113,7 +113,8 @@ fn make(tuning: DeviceTuning) {
     let host = Offscreen::new(&headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
     let output = host.shared(1 << 16, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
     // SAFETY: the handles belong together, and outlive the engine.
-    let engine = unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical, &watched).caps(Some(caps))) };
+    let engine =
+        unsafe { MorphEngine::new(&DeviceDesc { caps: Some(caps), ..DeviceDesc::new(instance, physical, &watched) }) };
     let engine = engine.expect("an engine");
     engine.set_techniques(&deltamorph_baselines::TECHNIQUES);
     let recorded = headless.run(|cmd| {
@@ -129,7 +130,7 @@ fn make(tuning: DeviceTuning) {
 /// # Safety
 /// `cmd` is recording, and is never submitted; `output` is a storage buffer of the engine's device.
 unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::Buffer) {
-    let head_desc = HeadDesc::default().vertices(300).targets(4);
+    let head_desc = HeadDesc { vertices: 300, targets: 4, ..Default::default() };
     let mesh = head(&head_desc).to_mesh(Tolerance::default()).expect("a mesh");
     let clips = [head_clip(&head_desc, 2, 30.0)];
     let animation = AnimationDesc::new(&clips);
@@ -139,7 +140,7 @@ unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::
             // SAFETY: the caller's obligations.
             let uploaded = unsafe { engine.upload_for(cmd, &packed, update.path) }.expect("an upload");
             for instances in [1, TILE as u32] {
-                let desc = CrowdDesc::new(update).instances(instances);
+                let desc = CrowdDesc { instances, ..CrowdDesc::new(update) };
                 // Unsupported combinations are refused; main.rs checks that every module has a pipeline in the end.
                 if let Ok(mut crowd) = engine.create_crowd(&uploaded, &desc) {
                     // SAFETY: as above.
@@ -172,11 +173,11 @@ unsafe fn follow(
     for influences in [4, 8] {
         let count = packed.layout().vertex_count * influences as usize;
         let (joints, weights) = (vec![0; count], vec![1.0; count]);
-        let desc = SkinDesc::new(influences, 1, &joints, &weights);
+        let desc = SkinDesc { influences, joint_count: 1, joints: &joints, weights: &weights };
         // SAFETY: as above.
         let skin = unsafe { engine.upload_skin(cmd, packed, &desc) }.expect("a skin");
         for method in [SkinMethod::Linear, SkinMethod::DualQuaternion] {
-            let target = SkinTarget::new(output, output, 48).method(method);
+            let target = SkinTarget { method, ..SkinTarget::new(output, output, 48) };
             // SAFETY: as above.
             let _ = unsafe { engine.set_skin_target(crowd, 0, Some((&skin, &target))) };
         }
@@ -196,7 +197,7 @@ fn updates(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
         for batch in [BatchSize::All, BatchSize::Targets(4)] {
             // A format that shares another's modules does less in them: rounds a sum in place of each product.
             for pose in PoseFormat::ALL.into_iter().filter(|pose| pose.decoder() == pose.name()) {
-                updates.push(UpdateDesc::new(path, batch).pose(pose));
+                updates.push(UpdateDesc { pose, ..UpdateDesc::new(path, batch) });
             }
         }
     }

@@ -56,7 +56,7 @@ pub fn one() -> String {
 
 /// Returns all kinds of updates that a device supports and that leave a pose on it, each with a delta format.
 pub fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
-    let blocks = |format, pose| (format, UpdateDesc::blocks().pose(pose));
+    let blocks = |format, pose| (format, UpdateDesc { pose, ..UpdateDesc::blocks() });
     let dense = |path| (DeltaFormat::Float32, UpdateDesc::new(path, BatchSize::Targets(3)));
     let mut all = vec![
         blocks(DeltaFormat::Fast, PoseFormat::Float32),
@@ -116,8 +116,8 @@ pub fn with_and_without_texels(limits: &DeviceCaps) -> Vec<(String, DeviceCaps)>
 
 /// Opens a device whose name contains `driver`.
 pub fn device(driver: &str, validation: bool, limits: Option<DeviceCaps>) -> Headless {
-    let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.to_owned()));
-    let headless = Headless::new(&desc.validation(validation).limits(limits))
+    let desc = HeadlessDesc { device: DeviceChoice::Name(driver.to_owned()), ..Default::default() };
+    let headless = Headless::new(&HeadlessDesc { validation, limits, ..desc })
         .unwrap_or_else(|e| panic!("{driver}: {e}\nrun the tests as ./with-vulkan cargo test"));
     headless.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
     headless
@@ -180,7 +180,7 @@ pub fn assert_validation_sees_dropped<C: AnyCrowd + 'static>(
 pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     let mut descs = vec![];
     if format.is_blocks() {
-        descs.push(UpdateDesc::blocks().tolerance(1e-2));
+        descs.push(UpdateDesc { tolerance: 1e-2, ..UpdateDesc::blocks() });
         descs.extend(fixed());
         return descs;
     }
@@ -203,8 +203,8 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
 
 /// Returns updates with fixed-point poses, in each format, that can hold the [`weights`].
 pub fn fixed() -> [UpdateDesc; 3] {
-    let desc = UpdateDesc::blocks().weight_max(Some(4.0));
-    [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16].map(|pose| desc.pose(pose))
+    let desc = UpdateDesc { weight_max: Some(4.0), ..UpdateDesc::blocks() };
+    [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16].map(|pose| UpdateDesc { pose, ..desc })
 }
 
 /// Returns the integers that poses on `grid` hold for `weights`, in the user's vertex order: the base pose and exact
@@ -296,7 +296,7 @@ pub fn recorded<C: AnyCrowd + 'static>(
 /// Packs `mesh`, of 1000 vertices and 37 targets, for a device whose descriptors cover 128 vertices.
 pub fn in_eight_chunks(mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
     let max_chunk_bytes = 128 * 37 * format.stride() as u64;
-    let desc = PackDesc::new(format).max_chunk_bytes(max_chunk_bytes);
+    let desc = PackDesc { max_chunk_bytes, ..PackDesc::new(format) };
     let mesh = PackedMesh::pack(mesh, &desc).expect("a mesh that fits");
     assert_eq!(mesh.layout().chunks().count(), 8);
     mesh

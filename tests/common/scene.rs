@@ -21,20 +21,20 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 pub fn head_desc() -> HeadDesc {
-    HeadDesc::default().vertices(900).targets(37).sparsity(0.15).seed(3)
+    HeadDesc { vertices: 900, targets: 37, sparsity: 0.15, seed: 3 }
 }
 
 pub fn packed(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
     let mesh = head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh");
-    let blocks = BlockDesc::default().size(Some(size));
-    Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format).blocks(blocks)).expect("a mesh that packs"))
+    let blocks = BlockDesc { size: Some(size), ..Default::default() };
+    Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs"))
 }
 
 /// Packs the same head with tangents, texture coordinates and colours.
 pub fn packed_streams(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
     let mesh = testing::with_streams(head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh"));
-    let blocks = BlockDesc::default().size(Some(size));
-    let packed = PackedMesh::pack(&mesh, &PackDesc::new(format).blocks(blocks)).expect("a mesh that packs");
+    let blocks = BlockDesc { size: Some(size), ..Default::default() };
+    let packed = PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs");
     assert_eq!(packed.groups().len(), 3);
     Arc::new(packed)
 }
@@ -50,7 +50,7 @@ pub fn clips() -> Vec<WeightClip> {
 }
 
 pub fn crowd(instances: u32, update: UpdateDesc) -> CrowdDesc {
-    CrowdDesc::new(update).instances(instances)
+    CrowdDesc { instances, ..CrowdDesc::new(update) }
 }
 
 pub fn blocks(mesh: &PackedMesh) -> usize {
@@ -61,7 +61,7 @@ pub fn blocks(mesh: &PackedMesh) -> usize {
 pub const FIXED: [PoseFormat; 3] = [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16];
 
 pub fn fixed(pose: PoseFormat, slots: u32) -> UpdateDesc {
-    UpdateDesc::blocks().pose(pose).slots(slots)
+    UpdateDesc { pose, slots, ..UpdateDesc::blocks() }
 }
 
 /// Returns the grid of an animated crowd with the update `desc`.
@@ -90,7 +90,7 @@ pub struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     pub fn new(headless: &'a Headless, mesh: &Arc<PackedMesh>, desc: CrowdDesc, animation: &AnimationDesc<'_>) -> Self {
-        let rebuilt = fixed(desc.update.pose, 1).path(UpdatePath::Cpu).mode(UpdateMode::Rebuild);
+        let rebuilt = UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, ..fixed(desc.update.pose, 1) };
         Self {
             widest: headless.caps().tuning.widest_tile,
             crowd: HeadlessCrowd::animated(headless, mesh, &desc, animation).expect("a crowd"),

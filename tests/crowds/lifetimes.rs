@@ -29,10 +29,12 @@ fn engine_mesh_crowds_allocator_and_device_are_dropped_in_any_order() {
             for order in orders(things) {
                 let host = Host::new(headless);
                 let gone = Arc::downgrade(&host);
-                let device = DeviceDesc::new(instance, physical, &host.device).owner(Some(host.clone()));
+                let device =
+                    DeviceDesc { owner: Some(host.clone()), ..DeviceDesc::new(instance, physical, &host.device) };
                 let allocator = shares.then(|| host.allocator(headless));
                 // SAFETY: the handles belong together, and live as long as `host`.
-                let engine = unsafe { MorphEngine::new(&device.allocator(allocator.clone())) }.expect("an engine");
+                let engine = unsafe { MorphEngine::new(&DeviceDesc { allocator: allocator.clone(), ..device }) }
+                    .expect("an engine");
                 // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
                 let mut uploaded = host.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
                 let crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
@@ -67,7 +69,7 @@ fn what_the_engine_makes_has_names_where_the_host_wants_them() {
             let headless = gpu::device(&driver, true, None);
             let host = Host::new(&headless);
             let (instance, physical, _) = headless.handles();
-            let device = DeviceDesc::new(instance, physical, &host.device).debug_names(named);
+            let device = DeviceDesc { debug_names: named, ..DeviceDesc::new(instance, physical, &host.device) };
             // SAFETY: the handles belong together; nothing is used or dropped after the device.
             let engine = unsafe { MorphEngine::new(&device) }.expect("an engine");
             let mesh = packed(&engine, &testing::mesh(64, 3), DeltaFormat::Small);

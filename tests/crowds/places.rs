@@ -19,10 +19,10 @@ fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
         (DeltaFormat::Fast, fixed32),
         (DeltaFormat::Fast, fixed16),
         (DeltaFormat::Fast, rebuilt16),
-        (DeltaFormat::Small, blocks.slots(3)),
-        (DeltaFormat::Small, fixed32.slots(1)),
-        (DeltaFormat::Small, fixed16.slots(3)),
-        (DeltaFormat::Small, rebuilt16.slots(1)),
+        (DeltaFormat::Small, UpdateDesc { slots: 3, ..blocks }),
+        (DeltaFormat::Small, UpdateDesc { slots: 1, ..fixed32 }),
+        (DeltaFormat::Small, UpdateDesc { slots: 3, ..fixed16 }),
+        (DeltaFormat::Small, UpdateDesc { slots: 1, ..rebuilt16 }),
     ];
     if engine.caps().transform_feedback.is_some() {
         list.push((DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(4))));
@@ -52,7 +52,7 @@ fn assert_is(pose: &[f32], mesh: &PackedMesh, desc: &UpdateDesc, instance: u32, 
 }
 
 fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc, instances: u32) -> HeadlessCrowd<'a> {
-    HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(update).instances(instances).frames_in_flight(1))
+    HeadlessCrowd::new(headless, mesh, &CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) })
         .expect("a crowd")
 }
 
@@ -135,7 +135,7 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
         for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
             let mesh = gpu::packed(engine, &testing::mesh(200, 11), format);
             for update in update_descs(engine, format) {
-                let desc = |instances| CrowdDesc::new(update).instances(instances).frames_in_flight(1);
+                let desc = |instances| CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) };
                 let mut whole = HeadlessCrowd::new(headless, &mesh, &desc(4)).expect("a crowd");
                 let half = HeadlessCrowd::new(headless, &mesh, &desc(2)).expect("a crowd");
                 let mut halves = [half.another(&desc(2)).expect("another"), half];

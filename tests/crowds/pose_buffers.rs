@@ -25,11 +25,12 @@ fn where_poses_are_is_known_before_the_first_update() {
     on_every_device(|headless, engine| {
         for (format, update) in [
             (DeltaFormat::Fast, UpdateDesc::blocks()),
-            (DeltaFormat::Fast, UpdateDesc::blocks().pose(PoseFormat::Fixed16)),
-            (DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Compute, BatchSize::All).slots(3)),
+            (DeltaFormat::Fast, UpdateDesc { pose: PoseFormat::Fixed16, ..UpdateDesc::blocks() }),
+            (DeltaFormat::Snorm16, UpdateDesc { slots: 3, ..UpdateDesc::new(UpdatePath::Compute, BatchSize::All) }),
         ] {
             let mesh = packed(engine, format, true);
-            let desc = CrowdDesc::new(update).instances(3).pose_usage(vk::BufferUsageFlags::INDIRECT_BUFFER);
+            let desc =
+                CrowdDesc { instances: 3, pose_usage: vk::BufferUsageFlags::INDIRECT_BUFFER, ..CrowdDesc::new(update) };
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             let semantics = [Semantic::Position, Semantic::Normal, Semantic::TexCoord(0), Semantic::Color(0)];
             let known = semantics.map(|semantic| crowd.crowd().pose_buffer(semantic).expect("a stream"));
@@ -72,8 +73,10 @@ fn vertices_that_do_not_suit_are_refused() {
         with_buffer(headless, |buffer| {
             let plain = VertexLayout::new(48).stream(Position, 0).stream(Normal, 12);
             let blocks = UpdateDesc::blocks();
-            let (half, dense) =
-                (blocks.pose(PoseFormat::Fixed16), UpdateDesc::new(UpdatePath::Compute, BatchSize::All));
+            let (half, dense) = (
+                UpdateDesc { pose: PoseFormat::Fixed16, ..blocks },
+                UpdateDesc::new(UpdatePath::Compute, BatchSize::All),
+            );
             let many = (0..20).fold(plain, |vertex, set| vertex.stream(TexCoord(set), 24));
             for (update, vertex, offset, words) in [
                 (blocks, many, 0, "22 streams"),
@@ -98,7 +101,8 @@ fn vertices_that_do_not_suit_are_refused() {
                 let mesh = packed(engine, format, true);
                 // SAFETY: no crowd is made with it.
                 let poses = unsafe { HostPoses::new(buffer, offset, vertex) };
-                let made = HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(update).poses(Some(poses)));
+                let made =
+                    HeadlessCrowd::new(headless, &mesh, &CrowdDesc { poses: Some(poses), ..CrowdDesc::new(update) });
                 let text = made.err().expect(words).to_string();
                 assert!(text.contains(words), "{words}: {text}");
             }
@@ -114,13 +118,16 @@ fn what_the_hosts_vertices_do_not_have_is_refused_later() {
             let vertex = VertexLayout::new(16).stream(Semantic::Position, 0);
             // SAFETY: the crowd is never updated, and dropped before the buffer.
             let poses = unsafe { HostPoses::new(buffer, 0, vertex) };
-            let mut crowd =
-                HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(UpdateDesc::blocks()).poses(Some(poses)))
-                    .expect("a crowd");
+            let mut crowd = HeadlessCrowd::new(
+                headless,
+                &mesh,
+                &CrowdDesc { poses: Some(poses), ..CrowdDesc::new(UpdateDesc::blocks()) },
+            )
+            .expect("a crowd");
             testing::says(crowd.crowd().pose_buffer(Semantic::Normal), &["'normal'", "VertexLayout"]);
             let found = crowd.crowd().pose_buffer(Semantic::Position).expect("positions");
             assert_eq!((found.first.stride, found.usage), (16, vk::BufferUsageFlags::empty()));
-            let target = DecodeTarget::new(buffer).stride(24).normals(Some(12));
+            let target = DecodeTarget { stride: 24, normals: Some(12), ..DecodeTarget::new(buffer) };
             // SAFETY: it is refused.
             let refused = unsafe { crowd.set_decode_target(0, Some(&target)) };
             testing::says(refused, &["normals", "VertexLayout"]);
@@ -139,14 +146,17 @@ fn usages_that_the_device_was_not_said_to_allow_are_refused() {
             (Usage::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR, "enable bufferDeviceAddress"),
             (Usage::VIDEO_DECODE_SRC_KHR, "CrowdDesc::poses"),
         ] {
-            let text = HeadlessCrowd::new(headless, &mesh, &desc.pose_usage(usage)).err().expect(words).to_string();
+            let text = HeadlessCrowd::new(headless, &mesh, &CrowdDesc { pose_usage: usage, ..desc })
+                .err()
+                .expect(words)
+                .to_string();
             assert!(text.contains(words), "{text}");
         }
         // More than the device's largest buffer: its own limit is in the message.
         let most = engine.caps().max_allocation.min(engine.caps().max_buffer);
         let instances = (most / mesh.layout().pose_bytes(PoseFormat::Float32) + 1).min(u32::MAX.into()) as u32;
         testing::says(
-            HeadlessCrowd::new(headless, &mesh, &desc.instances(instances)),
+            HeadlessCrowd::new(headless, &mesh, &CrowdDesc { instances, ..desc }),
             &[&format!("allocates at most {most}")],
         );
     });
@@ -187,12 +197,15 @@ fn pose_buffers_have_addresses_where_the_host_enabled_them() {
                 });
                 let shared = SharedAllocator::new(Arc::new(Mutex::new(shared.expect("an allocator"))), None);
                 for allocator in [None, Some(shared)] {
-                    let desc = DeviceDesc::new(instance, physical, &device).buffer_device_address(true);
-                    let engine = MorphEngine::new(&desc.allocator(allocator)).expect("an engine");
+                    let desc =
+                        DeviceDesc { buffer_device_address: true, ..DeviceDesc::new(instance, physical, &device) };
+                    let engine = MorphEngine::new(&DeviceDesc { allocator, ..desc }).expect("an engine");
                     let mesh = packed(&engine, DeltaFormat::Fast, true);
                     let uploaded = engine.upload(cmd, &mesh).expect("an upload");
-                    let desc =
-                        CrowdDesc::new(UpdateDesc::blocks()).pose_usage(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS);
+                    let desc = CrowdDesc {
+                        pose_usage: vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
+                        ..CrowdDesc::new(UpdateDesc::blocks())
+                    };
                     let crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
                     let functions = ash::khr::buffer_device_address::Device::new(instance, &device);
                     for semantic in [Semantic::Position, Semantic::Tangent] {

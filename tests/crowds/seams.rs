@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// Makes the built-in head with a texture of many charts: every eighth face is its own chart.
 fn charts() -> MorphSource {
-    let mut source = head(&HeadDesc::default().vertices(3000).targets(40));
+    let mut source = head(&HeadDesc { vertices: 3000, targets: 40, ..Default::default() });
     let before = source.texcoords.clone();
     for (face, corners) in source.faces.corners.chunks_mut(3).enumerate().filter(|(face, _)| face % 8 == 0) {
         for corner in corners {
@@ -70,8 +70,8 @@ fn pack(mesh: &MorphMesh) -> impl Iterator<Item = Arc<PackedMesh>> {
     let all =
         DeltaFormat::ALL.into_iter().flat_map(move |format| sizes(format).iter().map(move |&size| (format, size)));
     all.map(|(format, size)| {
-        let blocks = BlockDesc::default().size(Some(size));
-        Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format).blocks(blocks)).unwrap())
+        let blocks = BlockDesc { size: Some(size), ..Default::default() };
+        Arc::new(PackedMesh::pack(mesh, &PackDesc { blocks, ..PackDesc::new(format) }).unwrap())
     })
 }
 
@@ -83,8 +83,8 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
         let what = (packed.layout().format, packed.layout().blocks.as_ref().map(|b| b.size()));
         for (pose, error_budget) in PoseFormat::ALL.into_iter().flat_map(|pose| [(pose, 0.0), (pose, 0.02)]) {
             let tolerance = if error_budget > 0.0 { 1e-4 } else { 1e-5 };
-            let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose).tolerance(tolerance);
-            let desc = desc.error_budget(error_budget).weight_max(Some(2.0));
+            let desc = UpdateDesc { pose, tolerance, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
+            let desc = UpdateDesc { error_budget, weight_max: Some(2.0), ..desc };
             let Ok(mut crowd) = CpuCrowd::new(packed.clone(), desc, 1, 1) else {
                 // Dense formats have no budgets, float32 deltas no fixed-point poses, dense ones none that are rounded
                 // once.
@@ -155,7 +155,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose_of_the_gpu() {
 fn updates(headless: &Headless, format: DeltaFormat) -> Vec<UpdateDesc> {
     if format.is_blocks() {
         let updates = gpu::update_descs(headless.engine(), format);
-        return updates.iter().flat_map(|&u| [u, u.error_budget(0.02)]).collect();
+        return updates.iter().flat_map(|&u| [u, UpdateDesc { error_budget: 0.02, ..u }]).collect();
     }
     let paths = [UpdatePath::Compute, UpdatePath::Feedback];
     let there = paths.into_iter().filter(|path| headless.caps().check_path(*path).is_ok());

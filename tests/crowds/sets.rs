@@ -13,7 +13,7 @@ fn weights_are_set_one_at_a_time_and_read_back() {
     let name = |target: usize| mesh.layout().targets[target].name.clone();
     assert_eq!(mesh.layout().target_index(&name(4)), Some(4));
     assert_eq!(mesh.layout().target_index("no such target"), None);
-    let desc = fixed()[0].path(UpdatePath::Cpu);
+    let desc = UpdateDesc { path: UpdatePath::Cpu, ..fixed()[0] };
     let [mut one, mut other] = [(); 2].map(|()| CpuCrowd::new(mesh.clone(), desc, 2, 1).expect("a crowd"));
     let mut asked: Vec<f32> = (0..9).map(|target| target as f32 / 8.0).collect();
     one.set_weights(1, &asked).expect("weights");

@@ -25,7 +25,7 @@ fn what_hosts_keep_may_change_threads() {
 
 #[test]
 fn a_mesh_is_packed_and_played_on_the_cpu() {
-    let source = head(&HeadDesc::default().vertices(900).targets(7));
+    let source = head(&HeadDesc { vertices: 900, targets: 7, ..Default::default() });
     let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
     for format in DeltaFormat::ALL {
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs"));

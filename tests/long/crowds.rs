@@ -50,14 +50,14 @@ fn crosses(begin: u64, updates: &mut u64, counts: &mut Counts) {
 }
 
 fn packed(format: DeltaFormat) -> Arc<PackedMesh> {
-    let blocks = BlockDesc::default().size(Some(32));
-    let mesh = PackedMesh::pack(&testing::mesh(96, TARGETS), &PackDesc::new(format).blocks(blocks));
+    let blocks = BlockDesc { size: Some(32), ..Default::default() };
+    let mesh = PackedMesh::pack(&testing::mesh(96, TARGETS), &PackDesc { blocks, ..PackDesc::new(format) });
     Arc::new(mesh.expect("a mesh that packs"))
 }
 
 /// Makes a crowd for full evaluations on the CPU, one at a time.
 fn evaluations(mesh: &Arc<PackedMesh>, update: UpdateDesc) -> CpuCrowd {
-    let update = update.path(UpdatePath::Cpu).mode(UpdateMode::Rebuild).slots(1);
+    let update = UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, slots: 1, ..update };
     CpuCrowd::new(mesh.clone(), update, 1, 1).expect("a crowd")
 }
 
@@ -97,7 +97,7 @@ impl<'a> Weighted<'a> {
     }
 
     fn crowd(headless: &Headless, mesh: &GpuMesh, update: UpdateDesc, places: u32, begin: u64) -> Crowd {
-        let desc = CrowdDesc::new(update).instances(places).frames_in_flight(super::BATCH);
+        let desc = CrowdDesc { instances: places, frames_in_flight: super::BATCH, ..CrowdDesc::new(update) };
         let mut crowd = headless.engine().create_crowd(mesh, &desc).expect("a crowd");
         crowd.begin_at(begin);
         crowd
@@ -212,12 +212,12 @@ impl<'a> Animated<'a> {
             gpu::clip(&source, 10.0 + clip as f32, values)
         });
         let importance = Importance::of_packed(&source, &[]).expect("an order");
-        let animation = AnimationDesc::new(&clips).importance(Some(&importance));
+        let animation = AnimationDesc { importance: Some(&importance), ..AnimationDesc::new(&clips) };
         let grid = update.grid(source.layout()).expect("a grid").expect("poses of integers");
         let on_grid = Clips::new(&animation, source.layout(), grid).expect("clips");
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
         let crowd = headless.run(|cmd| unsafe {
-            let desc = CrowdDesc::new(update).instances(PLACES[0]);
+            let desc = CrowdDesc { instances: PLACES[0], ..CrowdDesc::new(update) };
             headless.engine().create_animated_crowd(cmd, &mesh, &desc, &animation)
         });
         let (crowd, fresh) = (crowd.expect("a crowd"), evaluations(&source, update));
@@ -257,8 +257,8 @@ impl<'a> Animated<'a> {
     ) -> Result<()> {
         if let Some(places) = places(rng) {
             count(counts, "animated crowds dropped and made");
-            let animation = AnimationDesc::new(&self.clips).importance(Some(&self.importance));
-            let desc = self.crowd.desc().instances(places);
+            let animation = AnimationDesc { importance: Some(&self.importance), ..AnimationDesc::new(&self.clips) };
+            let desc = CrowdDesc { instances: places, ..*self.crowd.desc() };
             // SAFETY: the buffer records on the engine's device and is waited for; the replaced crowd is kept until
             // then.
             let crowd = unsafe { self.headless.engine().create_animated_crowd(cmd, &self.mesh, &desc, &animation) }?;
@@ -306,7 +306,7 @@ impl<'a> Animated<'a> {
             14..22 => {
                 let repeat = if rng.below(4) == 0 { Repeat::Once } else { Repeat::Loop };
                 let (start, speed) = (second + f64::from(rng.range(-20.0, 5.0)), f64::from(rng.range(-2.0, 2.0)));
-                let playback = Playback::new(rng.below(CLIPS) as u32).start(start).speed(speed).repeat(repeat);
+                let playback = Playback { start, speed, repeat, ..Playback::new(rng.below(CLIPS) as u32) };
                 if crowd.play(instance, &playback).is_ok() {
                     count(counts, "clips begun");
                     heads.play(instance, &playback, clips)?;

@@ -34,7 +34,7 @@ fn crowds_live_through_a_day() {
     match std::env::var("DELTAMORPH_FRAMES") {
         Ok(frames) => {
             let device = DeviceChoice::Name(lavapipe.into());
-            let headless = Headless::new(&HeadlessDesc::default().device(device)).expect("lavapipe");
+            let headless = Headless::new(&HeadlessDesc { device, ..Default::default() }).expect("lavapipe");
             live(&headless, frames.parse().expect("a number of frames"), near_the_wrap());
         }
         // Numbers of updates and cuts beyond 32 bits have no effect.
@@ -60,11 +60,11 @@ fn memory(headless: &Headless) -> [u64; 2] {
 /// Animates all crowds for `frames` frames, with update numbers from `begin`; returns a digest of the compared poses.
 fn live(headless: &Headless, frames: u32, begin: u64) -> u64 {
     let mut rng = Rng::new(11, 0);
-    let fixed = |pose, slots| UpdateDesc::blocks().pose(pose).slots(slots).weight_max(Some(4.0));
+    let fixed = |pose, slots| UpdateDesc { pose, slots, weight_max: Some(4.0), ..UpdateDesc::blocks() };
     let mut weighted = [
         Weighted::new(headless, DeltaFormat::Fast, fixed(PoseFormat::Fixed32, 2), begin),
         Weighted::new(headless, DeltaFormat::Small, fixed(PoseFormat::Fixed16, 3), begin),
-        Weighted::new(headless, DeltaFormat::Fast, UpdateDesc::blocks().tolerance(1e-2), begin),
+        Weighted::new(headless, DeltaFormat::Fast, UpdateDesc { tolerance: 1e-2, ..UpdateDesc::blocks() }, begin),
     ];
     let mut animated = Animated::new(headless, fixed(PoseFormat::Fixed16, 2), begin);
     let (mut counts, mut digest) = (Counts::new(), DefaultHasher::new());

@@ -26,7 +26,7 @@ fn packed(format: DeltaFormat) -> PackedMesh {
 
 #[test]
 fn what_is_no_mesh_is_refused() {
-    let good = deltamorph_head::head(&deltamorph_head::HeadDesc::default().vertices(200).targets(2));
+    let good = deltamorph_head::head(&deltamorph_head::HeadDesc { vertices: 200, targets: 2, ..Default::default() });
     let refused = |change: &dyn Fn(&mut MorphSource), words: &str| {
         let mut source = good.clone();
         change(&mut source);
@@ -99,7 +99,7 @@ fn what_cannot_be_written_is_refused() {
 fn what_does_not_suit_the_packed_mesh_is_refused() {
     let dense = packed(DeltaFormat::Float32);
     says(dense.layout().remap_indices(&mut [0, 100]), "index 100 for mesh");
-    let integers = UpdateDesc::blocks().pose(PoseFormat::Fixed16);
+    let integers = UpdateDesc { pose: PoseFormat::Fixed16, ..UpdateDesc::blocks() };
     says(WeightBounds::new(&dense, &integers), "fixed16 poses of float32 deltas");
     says(integers.grid(dense.layout()), "fixed16 poses of float32 deltas");
     says(dense.layout().grid(PoseFormat::Fixed32, None), "fixed32 poses of float32 deltas");
@@ -109,7 +109,12 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
     says(reference::normals(&pose, &NormalsDesc::new(&[0, 1, 100])), "names vertex 100");
     let (joints, weights) = (vec![0; 400], vec![1.0; 400]);
     let skin = |influences, of_joints: &[f32], method| {
-        reference::skin(&pose, &SkinDesc::new(influences, 1, &joints, &weights), method, of_joints)
+        reference::skin(
+            &pose,
+            &SkinDesc { influences, joint_count: 1, joints: &joints, weights: &weights },
+            method,
+            of_joints,
+        )
     };
     says(skin(4, &[0.0; 11], SkinMethod::Linear), "11 numbers for 1 joints; hand in 12");
     says(skin(4, &[0.0; 7], SkinMethod::DualQuaternion), "7 numbers for 1 joints; hand in 8");
@@ -149,7 +154,8 @@ struct Made {
 fn make(headless: &Headless, packed: &PackedMesh) -> Made {
     let engine = headless.engine();
     let (joints, weights) = (vec![0; 400], vec![1.0; 400]);
-    let (skin, normals) = (SkinDesc::new(4, 1, &joints, &weights), NormalsDesc::new(&[0, 1, 2]));
+    let (skin, normals) =
+        (SkinDesc { influences: 4, joint_count: 1, joints: &joints, weights: &weights }, NormalsDesc::new(&[0, 1, 2]));
     // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
     let uploads = headless.run(|cmd| unsafe {
         let skin = engine.upload_skin(cmd, packed, &skin)?;
@@ -158,7 +164,7 @@ fn make(headless: &Headless, packed: &PackedMesh) -> Made {
     let (mesh, skin, surface) = uploads.expect("uploads");
     let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
     let update = if packed.layout().format.is_blocks() { UpdateDesc::blocks() } else { dense };
-    let crowd = engine.create_crowd(&mesh, &CrowdDesc::new(update).instances(2)).expect("a crowd");
+    let crowd = engine.create_crowd(&mesh, &CrowdDesc { instances: 2, ..CrowdDesc::new(update) }).expect("a crowd");
     Made { mesh, crowd, skin, surface }
 }
 
@@ -246,7 +252,7 @@ fn meshes_without_vertices_are_refused() {
         // SAFETY: everything is refused: nothing is recorded.
         unsafe {
             says(headless.run(|cmd| engine.upload(cmd, &empty)), "has no vertices; leave it out");
-            let skin = SkinDesc::new(4, 1, &[], &[]);
+            let skin = SkinDesc { influences: 4, joint_count: 1, joints: &[], weights: &[] };
             says(headless.run(|cmd| engine.upload_skin(cmd, &empty, &skin)), "has no vertices; leave it out");
             let normals = NormalsDesc::new(&[]);
             says(headless.run(|cmd| engine.upload_normals(cmd, &empty, &normals)), "has no vertices; leave it out");
@@ -262,7 +268,7 @@ fn what_exceeds_the_device_is_refused_with_the_numbers() {
         let (joints, weights, corners) = (vec![0; 800], vec![1.0; 800], [0, 1, 2].repeat(400));
         // SAFETY: everything is refused: nothing is recorded.
         unsafe {
-            let skin = SkinDesc::new(8, 1, &joints, &weights);
+            let skin = SkinDesc { influences: 8, joint_count: 1, joints: &joints, weights: &weights };
             says(headless.run(|cmd| engine.upload_skin(cmd, &packed, &skin)), "allows 4096");
             let normals = NormalsDesc::new(&corners);
             says(headless.run(|cmd| engine.upload_normals(cmd, &packed, &normals)), "allows 4096");
@@ -286,8 +292,10 @@ fn a_direct_path_has_no_poses_for_what_comes_after() {
             return;
         }
         let packed = gpu::packed(engine, &testing::mesh(100, 4), DeltaFormat::Float32);
-        let (mut made, update) = (make(headless, &packed), update.mode(deltamorph::UpdateMode::Rebuild));
-        made.crowd = engine.create_crowd(&made.mesh, &CrowdDesc::new(update).instances(2)).expect("a crowd");
+        let (mut made, update) =
+            (make(headless, &packed), UpdateDesc { mode: deltamorph::UpdateMode::Rebuild, ..update });
+        made.crowd =
+            engine.create_crowd(&made.mesh, &CrowdDesc { instances: 2, ..CrowdDesc::new(update) }).expect("a crowd");
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
         headless.run(|cmd| unsafe { engine.record_update(cmd, &mut made.crowd) }).expect("an update");
         refused_everywhere(headless, &mut made, 0, "direct");
@@ -317,14 +325,14 @@ fn buffers_that_are_too_small_are_refused_with_both_sizes() {
             says(engine.set_normals_target(&mut crowd, 0, Some((&surface, &NormalsTarget::new(small)))), &end(1200));
             for (target, bytes) in [
                 (SkinTarget::new(small, large, 48), 2400),
-                (SkinTarget::new(large, large, 48).second(Some((small, 4))), 2404),
+                (SkinTarget { second: Some((small, 4)), ..SkinTarget::new(large, large, 48) }, 2404),
                 (SkinTarget::new(large, small, 4096), 4096),
             ] {
                 says(engine.set_skin_target(&mut crowd, 0, Some((&skin, &target))), &end(bytes));
             }
             let vertex = VertexLayout::new(24).stream(Semantic::Position, 0).stream(Semantic::Normal, 12);
             let poses = HostPoses::new(small, 0, vertex);
-            let desc = CrowdDesc::new(UpdateDesc::blocks()).poses(Some(poses));
+            let desc = CrowdDesc { poses: Some(poses), ..CrowdDesc::new(UpdateDesc::blocks()) };
             says(engine.create_crowd(&mesh, &desc), "of a host buffer of at most 10");
             device.destroy_buffer(small, None);
             device.destroy_buffer(large, None);
@@ -339,7 +347,7 @@ fn numbers_of_a_tuning_that_there_are_no_kernels_for_are_refused() {
         let made = |change: &dyn Fn(&mut DeviceTuning)| {
             let caps = gpu::limited(headless.caps().clone(), |caps| change(&mut caps.tuning));
             // SAFETY: the handles belong together, and outlive the engine.
-            unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical, device).caps(Some(caps))) }
+            unsafe { MorphEngine::new(&DeviceDesc { caps: Some(caps), ..DeviceDesc::new(instance, physical, device) }) }
         };
         for width in [0, 3, 16] {
             says(made(&|tuning| tuning.widest_tile = width), "use 1, 2, 4 or 8 for widest_tile");

@@ -96,7 +96,7 @@ fn the_host_allocates_and_frees_what_the_engine_takes() {
                 Arc::new(Source { device: device.clone(), memories, most, live, maps })
             };
             let engine = |source: &Arc<Source>| {
-                let desc = DeviceDesc::new(instance, physical, device).memory(Some(source.clone()));
+                let desc = DeviceDesc { memory: Some(source.clone()), ..DeviceDesc::new(instance, physical, device) };
                 // SAFETY: the handles belong together, and outlive the engine.
                 unsafe { MorphEngine::new(&desc) }.expect("an engine")
             };

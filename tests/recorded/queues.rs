@@ -202,7 +202,9 @@ fn has_hazards(frames: &[Frame], slots: u32, previous: u32, left_out: Option<(us
 fn updates_run_on_a_queue_without_graphics() {
     on_queues_with(vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER, |headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        let blocks = |format, pose| (format, UpdateDesc::blocks().pose(pose).weight_max(Some(4.0)).tolerance(1e-2));
+        let blocks = |format, pose| {
+            (format, UpdateDesc { pose, weight_max: Some(4.0), tolerance: 1e-2, ..UpdateDesc::blocks() })
+        };
         let all = [
             blocks(DeltaFormat::Fast, PoseFormat::Float32),
             blocks(DeltaFormat::Fast, PoseFormat::Fixed16),
@@ -214,8 +216,12 @@ fn updates_run_on_a_queue_without_graphics() {
             for slots in 2..if format == DeltaFormat::Fast { 4 } else { 3 } {
                 let what = format!("{format:?} {update:?}, {slots} slots");
                 // The consumers are those of any crowd, but on the other queue.
-                let desc = CrowdDesc::new(update.slots(slots)).instances(INSTANCES).queue_family(Some(0));
-                let desc = desc.frames_in_flight(FRAMES as u32);
+                let desc = CrowdDesc {
+                    instances: INSTANCES,
+                    queue_family: Some(0),
+                    ..CrowdDesc::new(UpdateDesc { slots, ..update })
+                };
+                let desc = CrowdDesc { frames_in_flight: FRAMES as u32, ..desc };
                 let grid = update.grid(mesh.layout()).expect("a grid");
                 let mut crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
                 let asked: Vec<Vec<Vec<f32>>> = (0..FRAMES as u32)
@@ -263,7 +269,7 @@ fn what_follows_and_what_is_animated_names_no_graphics() {
     on_queues_with(vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER, |headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         let (mesh, uploaded) = uploaded(headless, engine, DeltaFormat::Fast);
-        let desc = CrowdDesc::new(gpu::fixed()[1]).queue_family(Some(0));
+        let desc = CrowdDesc { queue_family: Some(0), ..CrowdDesc::new(gpu::fixed()[1]) };
         let clips = [gpu::clip(&mesh, 30.0, (0..44).map(|i| (i % 5) as f32 / 8.0).collect())];
         let animation = AnimationDesc::new(&clips);
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
@@ -303,9 +309,9 @@ fn queues_that_cannot_run_updates_are_refused() {
         on_queues_with(flags, |headless, _| {
             let (instance, physical, device) = headless.handles();
             let caps = headless.caps().clone();
-            let desc = DeviceDesc::new(instance, physical, device).queue_families(named);
+            let desc = DeviceDesc { queue_families: named, ..DeviceDesc::new(instance, physical, device) };
             let feedback = caps.transform_feedback.is_some();
-            let desc = desc.caps(Some(caps)).transform_feedback_enabled(feedback);
+            let desc = DeviceDesc { caps: Some(caps), transform_feedback_enabled: feedback, ..desc };
             // SAFETY: the handles belong together, and outlive the engine.
             let made = unsafe { MorphEngine::new(&desc) };
             let refused = made.and_then(|engine| {
@@ -316,7 +322,8 @@ fn queues_that_cannot_run_updates_are_refused() {
                 let (_, uploaded) = uploaded(headless, &engine, format);
                 let update =
                     UpdateDesc::new(path, if format.is_blocks() { BatchSize::All } else { BatchSize::Targets(1) });
-                let refused = engine.create_crowd(&uploaded, &CrowdDesc::new(update).queue_family(Some(queue)));
+                let refused =
+                    engine.create_crowd(&uploaded, &CrowdDesc { queue_family: Some(queue), ..CrowdDesc::new(update) });
                 Err(refused.err().expect("refused"))
             });
             if let Err(error) = refused {
@@ -342,12 +349,12 @@ fn updates_for_queues_of_several_families_are_not_recorded_together() {
             let (instance, physical, device) = headless.handles();
             let caps =
                 limited(headless.caps().clone(), |caps| caps.queue_families = vec![all, vk::QueueFlags::COMPUTE]);
-            let desc = DeviceDesc::new(instance, physical, device).caps(Some(caps));
+            let desc = DeviceDesc { caps: Some(caps), ..DeviceDesc::new(instance, physical, device) };
             // SAFETY: the handles belong together, and outlive the engine.
             let engine = unsafe { MorphEngine::new(&desc) }.expect("an engine");
             let (_, uploaded) = uploaded(headless, &engine, DeltaFormat::Fast);
             let crowd = |family| {
-                let desc = CrowdDesc::new(UpdateDesc::blocks()).queue_family(family);
+                let desc = CrowdDesc { queue_family: family, ..CrowdDesc::new(UpdateDesc::blocks()) };
                 engine.create_crowd(&uploaded, &desc).expect("a crowd")
             };
             for (families, words) in [

@@ -6,7 +6,7 @@ use crate::offscreen::Offscreen;
 use crate::testing;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::{AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback};
+use deltamorph::{AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc};
 use deltamorph_head::Rng;
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
@@ -103,7 +103,7 @@ fn follow(mut crowd: HeadlessCrowd<'_, AnimatedCrowd>, slots: usize) {
 fn skin(headless: &Headless, mesh: &PackedMesh) -> GpuSkin {
     let vertices = mesh.layout().vertex_count;
     let (joints, weights) = (vec![0; 4 * vertices], vec![1.0; 4 * vertices]);
-    let desc = SkinDesc::new(4, 1, &joints, &weights);
+    let desc = SkinDesc { influences: 4, joint_count: 1, joints: &joints, weights: &weights };
     // SAFETY: the buffer is recording, runs once, and is waited for; the skin outlives the crowds.
     headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, mesh, &desc) }).expect("a skin")
 }
@@ -115,12 +115,16 @@ fn discarded_updates_give_their_slots_back() {
         let source = testing::mesh(100, TARGETS);
         let place = || host.shared(100 * 24, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
         let joints = host.shared(48, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
-        let target = SkinTarget::new(place(), joints, 48).second(Some((place(), 0)));
+        let target = SkinTarget { second: Some((place(), 0)), ..SkinTarget::new(place(), joints, 48) };
         let mesh = gpu::packed(engine, &source, DeltaFormat::Fast);
         let skin = skin(headless, &mesh);
         let clips = [gpu::clip(&mesh, 30.0, (0..10 * TARGETS).map(|i| (i % 7) as f32 / 8.0).collect())];
         for slots in 1..4 {
-            let desc = CrowdDesc::new(gpu::fixed()[0].slots(slots)).instances(INSTANCES).frames_in_flight(3);
+            let desc = CrowdDesc {
+                instances: INSTANCES,
+                frames_in_flight: 3,
+                ..CrowdDesc::new(UpdateDesc { slots, ..gpu::fixed()[0] })
+            };
             let mut crowd =
                 HeadlessCrowd::animated(headless, &mesh, &desc, &AnimationDesc::new(&clips)).expect("a crowd");
             // SAFETY: the buffers are large enough, and outlive the crowd; nothing is running.

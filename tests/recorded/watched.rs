@@ -104,8 +104,12 @@ fn watched(headless: &Headless, names: bool, cache: vk::PipelineCache) -> MorphE
     unsafe {
         let device = ash::Device::load(instance.fp_v1_0(), device.handle());
         let caps = headless.caps();
-        let desc = DeviceDesc::new(&instance, physical, &device).caps(Some(caps.clone())).debug_names(names);
-        let mut desc = desc.transform_feedback_enabled(caps.transform_feedback.is_some());
+        let desc = DeviceDesc {
+            caps: Some(caps.clone()),
+            debug_names: names,
+            ..DeviceDesc::new(&instance, physical, &device)
+        };
+        let mut desc = DeviceDesc { transform_feedback_enabled: caps.transform_feedback.is_some(), ..desc };
         desc.pipeline_cache = cache;
         MorphEngine::new(&desc).expect("an engine")
     }

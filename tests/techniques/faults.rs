@@ -70,7 +70,7 @@ fn a_swapped_slot_gives_a_wrong_pose() {
         if desc.path.evaluates_in_draws() {
             return;
         }
-        for desc in [2, 3].map(|slots| desc.slots(slots)) {
+        for desc in [2, 3].map(|slots| UpdateDesc { slots, ..desc }) {
             let mut crowd = gpu::crowd(headless, mesh, desc);
             let mut weights = [0.5; 20];
             for target in 0..desc.slots as usize {

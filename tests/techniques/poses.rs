@@ -107,7 +107,7 @@ fn scattered_sums_are_those_of_fixed32_poses() {
         let mesh = Arc::new(packed(engine, &testing::mesh(700, 23), Small));
         let update = UpdateDesc::new(UpdatePath::Scatter, BatchSize::All);
         let mut crowd = gpu::crowd(headless, &mesh, update);
-        let exact = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(PoseFormat::Fixed32);
+        let exact = UpdateDesc { pose: PoseFormat::Fixed32, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
         let mut reference = CpuCrowd::new(mesh.clone(), exact, 1, 1).expect("a crowd");
         let grid = exact.grid(mesh.layout()).expect("a grid").expect("integers");
         let base = PoseFormat::Fixed32.integers(reference.stored_pose(0, 0).expect("an instance"));
@@ -218,7 +218,7 @@ fn bytes_are_those_that_kernels_load_and_store() {
 fn a_face_that_stops_has_its_pose_as_previous_pose() {
     for_every_update(&[Small], &testing::mesh(300, 11), |headless, mesh, desc| {
         for (slots, budget) in (1..4).flat_map(|slots| [(slots, 0.0), (slots, 0.05 * mesh.layout().diagonal)]) {
-            let desc = desc.slots(slots).error_budget(budget);
+            let desc = UpdateDesc { slots, error_budget: budget, ..desc };
             if desc.check().is_err() {
                 continue;
             }
@@ -277,12 +277,17 @@ fn any_sequence_of_weights_equals_the_reference() {
         }
         let config = Config { cases: 4, failure_persistence: None, ..Config::default() };
         let run = TestRunner::new(config).run(&strategy, |(slots, frames)| {
-            let mut crowd = gpu::crowd(headless, mesh, desc.slots(slots));
+            let mut crowd = gpu::crowd(headless, mesh, UpdateDesc { slots, ..desc });
             for frame in frames {
                 let weights: Vec<f32> = frame.iter().map(|&w| f32::from(w) * 0.3).collect();
                 crowd.step(&[&weights]).expect("a step");
                 let error = gpu::error(&mut crowd, 0, mesh, &weights);
-                prop_assert!(gpu::is_kept(&error, mesh.layout().diagonal), "{:?} {:?}", desc.slots(slots), error);
+                prop_assert!(
+                    gpu::is_kept(&error, mesh.layout().diagonal),
+                    "{:?} {:?}",
+                    UpdateDesc { slots, ..desc },
+                    error
+                );
             }
             Ok(())
         });

@@ -6,8 +6,8 @@ use crate::testing;
 use crate::testing::says;
 use deltamorph::DeltaFormat::{Float32, Small};
 use deltamorph::{
-    BatchSize, DeltaFormat, DeviceCaps, MorphEngine, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdateMode,
-    UpdatePath,
+    BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackDesc, PackedMesh, PoseFormat, UpdateDesc,
+    UpdateMode, UpdatePath,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
@@ -28,19 +28,19 @@ fn descriptions_that_ask_for_what_a_technique_does_not_do() {
             says(desc.check(), &[words, &[name.as_str()]].concat());
         };
         if path.default_mode() == UpdateMode::Rebuild {
-            refused(good.mode(UpdateMode::Incremental), &["'rebuild'"]);
+            refused(UpdateDesc { mode: UpdateMode::Incremental, ..good }, &["'rebuild'"]);
         }
         for pose in PoseFormat::ALL.into_iter().filter(|pose| !path.poses().contains(pose)) {
             let what = format!("{} poses with {name}", pose.name());
             let taken: Vec<&str> = path.poses().iter().map(|pose| pose.name()).collect();
             let remedy = format!("use {} poses here, or the path", taken.join(" or "));
-            refused(good.pose(pose), &[&what, &remedy, "'blocks' or 'cpu'"]);
+            refused(UpdateDesc { pose, ..good }, &[&what, &remedy, "'blocks' or 'cpu'"]);
         }
         if path.works_in_place() {
-            assert!(good.slots(1).check().is_ok(), "{name}");
+            assert!(UpdateDesc { slots: 1, ..good }.check().is_ok(), "{name}");
         } else {
-            refused(good.slots(1), &["2 to 64 slots"]);
-            refused(good.batch(BatchSize::All), &["use a number"]);
+            refused(UpdateDesc { slots: 1, ..good }, &["2 to 64 slots"]);
+            refused(UpdateDesc { batch: BatchSize::All, ..good }, &["use a number"]);
         }
     }
 }
@@ -133,9 +133,9 @@ fn misuse_is_an_error_that_says_what_to_do() {
         let mesh = packed(engine, &testing::mesh(10, 2), Float32);
         let desc = gpu::update_descs(engine, Float32)[0];
         for (desc, words) in [
-            (single(desc).instances(0), "0 instances"),
-            (single(desc).frames_in_flight(0), "0 frames in flight"),
-            (single(desc).instances(1 << 24), "use fewer instances"),
+            (CrowdDesc { instances: 0, ..single(desc) }, "0 instances"),
+            (CrowdDesc { frames_in_flight: 0, ..single(desc) }, "0 frames in flight"),
+            (CrowdDesc { instances: 1 << 24, ..single(desc) }, "use fewer instances"),
         ] {
             says(HeadlessCrowd::new(headless, &mesh, &desc), &[words]);
         }

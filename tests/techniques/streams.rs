@@ -81,7 +81,7 @@ fn requested(mesh: &PackedMesh, desc: &UpdateDesc, frame: u32, head: usize) -> V
 /// Random weights; an instance that is hidden for a while, and shown with the weights requested meanwhile; a lost
 /// update.
 fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u32) {
-    let crowd_desc = CrowdDesc::new(desc).instances(HEADS as u32);
+    let crowd_desc = CrowdDesc { instances: HEADS as u32, ..CrowdDesc::new(desc) };
     let mut crowd = HeadlessCrowd::new(headless, mesh, &crowd_desc).expect("a crowd");
     let name = &headless.caps().name;
     let (mut shown, mut before) = (vec![vec![]; HEADS], vec![None; HEADS]);
@@ -158,7 +158,7 @@ fn an_error_budget_holds_back_positions_and_nothing_else() {
         for format in [DeltaFormat::Fast, DeltaFormat::Small] {
             let mesh = packed(&engine.pack_desc(format));
             for desc in update_descs(engine, format) {
-                check(headless, &mesh, desc.error_budget(0.3 * mesh.layout().diagonal), 8);
+                check(headless, &mesh, UpdateDesc { error_budget: 0.3 * mesh.layout().diagonal, ..desc }, 8);
             }
         }
     });
@@ -206,7 +206,7 @@ fn groups_share_steps_and_barriers() {
 fn the_cpu_updates_every_stream() {
     for format in DeltaFormat::ALL {
         let mesh = Arc::new(packed(&PackDesc::new(format)));
-        let desc = UpdateDesc::blocks().tolerance(1e-2).path(UpdatePath::Cpu);
+        let desc = UpdateDesc { tolerance: 1e-2, path: UpdatePath::Cpu, ..UpdateDesc::blocks() };
         let mut crowd = CpuCrowd::new(mesh.clone(), desc, HEADS as u32, 2).expect("a crowd");
         for frame in 0..12 {
             let asked = [0, 1, 2].map(|head| requested(&mesh, &desc, frame, head));

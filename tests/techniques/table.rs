@@ -153,7 +153,7 @@ pub fn for_every_update(formats: &[DeltaFormat], mesh: &MorphMesh, test: impl Fn
 /// Returns every mode of the technique, with one to three slots.
 pub fn variants(desc: UpdateDesc) -> impl Iterator<Item = UpdateDesc> {
     let modes = [UpdateMode::Incremental, UpdateMode::Rebuild].into_iter();
-    let all = modes.flat_map(move |mode| (1..4).map(move |slots| desc.mode(mode).slots(slots)));
+    let all = modes.flat_map(move |mode| (1..4).map(move |slots| UpdateDesc { mode, slots, ..desc }));
     all.filter(|desc| desc.check().is_ok())
 }
 

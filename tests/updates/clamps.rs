@@ -186,7 +186,8 @@ fn engine(headless: &Headless, limits: &DeviceCaps) -> MorphEngine {
     // SAFETY: the functions are the device's, which is alive and belongs to the others; it outlives the engine.
     unsafe {
         let device = ash::Device::load_with(load, device.handle());
-        MorphEngine::new(&DeviceDesc::new(instance, physical, &device).caps(Some(limits))).expect("an engine")
+        MorphEngine::new(&DeviceDesc { caps: Some(limits), ..DeviceDesc::new(instance, physical, &device) })
+            .expect("an engine")
     }
 }
 
@@ -211,7 +212,11 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, u
                 headless.handles().2.cmd_update_buffer(cmd, joints.buffer, 0, &bytes);
                 let all = (vk::PipelineStageFlags::ALL_COMMANDS, vk::AccessFlags::MEMORY_WRITE);
                 host.barrier(cmd, all, (all.0, vk::AccessFlags::MEMORY_READ));
-                let skin = engine.upload_skin(cmd, &packed, &SkinDesc::new(4, 1, &names, &shares))?;
+                let skin = engine.upload_skin(
+                    cmd,
+                    &packed,
+                    &SkinDesc { influences: 4, joint_count: 1, joints: &names, weights: &shares },
+                )?;
                 let surface = engine.upload_normals(cmd, &packed, &NormalsDesc::new(&triangles))?;
                 Ok((engine.upload(cmd, &packed)?, skin, surface))
             })
@@ -220,13 +225,14 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, u
         skin.release_staging();
         surface.release_staging();
         let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
-        let desc = CrowdDesc::new(update).instances(2).consumers(consumers);
+        let desc = CrowdDesc { instances: 2, consumers, ..CrowdDesc::new(update) };
         let mut crowd = engine.create_crowd(&uploaded, &desc).expect(&what);
-        let decode = DecodeTarget::new(outputs[0].buffer).offset(268).stride(40).normals(Some(16));
+        let decode =
+            DecodeTarget { offset: 268, stride: 40, normals: Some(16), ..DecodeTarget::new(outputs[0].buffer) };
         engine.set_decode_target(&mut crowd, 0, Some(&decode)).expect(&what);
         let target = SkinTarget::new(outputs[1].buffer, joints.buffer, 48);
         engine.set_skin_target(&mut crowd, 1, Some((&skin, &target))).expect(&what);
-        let recomputed = NormalsTarget::new(outputs[2].buffer).offset(4);
+        let recomputed = NormalsTarget { offset: 4, ..NormalsTarget::new(outputs[2].buffer) };
         engine.set_normals_target(&mut crowd, 1, Some((&surface, &recomputed))).expect(&what);
         let mut readback = engine.readback();
         for frame in 0..3 {
@@ -249,12 +255,12 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, u
 /// One test, since only one device can be checked at a time.
 #[test]
 fn every_call_keeps_to_the_limits_and_poses_are_right() {
-    let mesh = head(&HeadDesc::default().vertices(900).targets(37).sparsity(0.15).seed(3));
+    let mesh = head(&HeadDesc { vertices: 900, targets: 37, sparsity: 0.15, seed: 3 });
     let mesh = mesh.to_mesh(Tolerance::default()).expect("a mesh");
     let dense = |batch| (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, batch));
     let updates = [
         (DeltaFormat::Fast, UpdateDesc::blocks()),
-        (DeltaFormat::Small, UpdateDesc::blocks().pose(PoseFormat::Fixed16)),
+        (DeltaFormat::Small, UpdateDesc { pose: PoseFormat::Fixed16, ..UpdateDesc::blocks() }),
         dense(BatchSize::Targets(3)),
         dense(BatchSize::All),
     ];
@@ -272,7 +278,7 @@ fn every_call_keeps_to_the_limits_and_poses_are_right() {
             if clamp == "allocations of 64 MiB" {
                 let packed = gpu::packed(&engine, &mesh, DeltaFormat::Fast);
                 let uploaded = gpu::upload(&headless, &engine, &packed);
-                let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(4000);
+                let desc = CrowdDesc { instances: 4000, ..CrowdDesc::new(UpdateDesc::blocks()) };
                 crate::testing::says(engine.create_crowd(&uploaded, &desc), &["67108864"]);
             }
             drop(engine);

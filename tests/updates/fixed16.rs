@@ -14,7 +14,7 @@ use glam::DVec3;
 use std::sync::Arc;
 
 fn on_cpu(pose: PoseFormat) -> UpdateDesc {
-    UpdateDesc::blocks().path(UpdatePath::Cpu).pose(pose)
+    UpdateDesc { path: UpdatePath::Cpu, pose, ..UpdateDesc::blocks() }
 }
 
 /// Returns, for every `every`-th frame of a clip, the largest position error against the requested weights, as a
@@ -96,7 +96,11 @@ fn a_crowd_takes_24_bytes_a_vertex_for_two_slots() {
         let mesh = gpu::packed(engine, &mesh, DeltaFormat::Fast);
         let vertices = u64::from(HEADS) * 6400;
         let made = |pose| {
-            let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose)).instances(HEADS).frames_in_flight(1);
+            let desc = CrowdDesc {
+                instances: HEADS,
+                frames_in_flight: 1,
+                ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() })
+            };
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             crowd.step(&[]).expect("a step");
             let view = crowd.crowd().pose(HEADS - 1).expect("a pose");
@@ -125,7 +129,7 @@ fn weights_beyond_the_largest_are_refused_with_the_remedy() {
         (PoseFormat::Fixed32, None, 4.0),
         (PoseFormat::Fixed32, Some(1.5), 1.5),
     ] {
-        let desc = on_cpu(pose).weight_max(weight_max);
+        let desc = UpdateDesc { weight_max, ..on_cpu(pose) };
         let mut crowd = CpuCrowd::new(mesh.clone(), desc, 1, 1).expect("a crowd");
         for sign in [1.0, -1.0] {
             crowd.set_weights(0, &[0.0, sign * most, 0.0, 0.0]).expect("the largest weight");
@@ -146,7 +150,7 @@ fn weights_beyond_the_largest_are_refused_with_the_remedy() {
         (PoseFormat::Fixed32, f32::NAN, "above 0"),
         (PoseFormat::Fixed32, 1e6, "smaller largest weight"),
     ] {
-        let refused = CpuCrowd::new(mesh.clone(), on_cpu(pose).weight_max(Some(weight_max)), 1, 1);
+        let refused = CpuCrowd::new(mesh.clone(), UpdateDesc { weight_max: Some(weight_max), ..on_cpu(pose) }, 1, 1);
         testing::says(refused, &[&weight_max.to_string(), remedy]);
     }
 }

@@ -20,12 +20,12 @@ const HEADS: usize = 9;
 /// Packs a head of which every target moves a part, with blocks that nothing moves; with or without further streams.
 /// `size` is the number of vertices of blocks, or of chunks of a dense format.
 fn packed(format: DeltaFormat, size: u32, streams: bool) -> Arc<PackedMesh> {
-    let source = head(&HeadDesc::default().vertices(700).targets(TARGETS).sparsity(0.15).seed(5));
+    let source = head(&HeadDesc { vertices: 700, targets: TARGETS, sparsity: 0.15, seed: 5 });
     let plain = source.to_mesh(Tolerance::default()).expect("a mesh");
     let mesh = if streams { testing::with_streams(plain) } else { plain };
-    let blocks = BlockDesc::default().size(Some(size));
+    let blocks = BlockDesc { size: Some(size), ..Default::default() };
     let chunk = u64::from(size) * TARGETS as u64 * format.stride() as u64;
-    let desc = PackDesc::new(format).blocks(blocks).max_chunk_bytes(chunk);
+    let desc = PackDesc { blocks, max_chunk_bytes: chunk, ..PackDesc::new(format) };
     Arc::new(PackedMesh::pack(&mesh, &desc).expect("a mesh that packs"))
 }
 
@@ -91,7 +91,8 @@ fn poses(mesh: &PackedMesh, crowd: &CpuCrowd, instance: u32) -> Poses {
 
 impl Expected {
     fn new(mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize) -> Self {
-        let rebuilt = desc.path(UpdatePath::Cpu).mode(UpdateMode::Rebuild).slots(1).error_budget(0.0);
+        let rebuilt =
+            UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, slots: 1, error_budget: 0.0, ..desc };
         let most = desc.grid(mesh.layout()).expect("a grid").expect("integers").weight_max;
         let head = Head { asked: vec![0.0; TARGETS], pose: None, before: None, hidden: false, cut: false };
         let fresh = CpuCrowd::new(mesh.clone(), rebuilt, 1, 1).expect("a crowd");
@@ -152,9 +153,10 @@ fn previous(mesh: &PackedMesh, crowd: &CpuCrowd, i: u32) -> Vec<Option<Vec<f32>>
 
 /// Plays `frames` on a device and on the CPU.
 fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize, frames: &Frames) {
-    let instances = CrowdDesc::new(desc).instances(heads as u32);
+    let instances = CrowdDesc { instances: heads as u32, ..CrowdDesc::new(desc) };
     let mut device = HeadlessCrowd::new(headless, mesh, &instances).expect("a crowd");
-    let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads as u32, 2).expect("a crowd");
+    let mut cpu =
+        CpuCrowd::new(mesh.clone(), UpdateDesc { path: UpdatePath::Cpu, ..desc }, heads as u32, 2).expect("a crowd");
     let mut expected = Expected::new(mesh, desc, heads);
     for (number, (frame, events)) in frames.iter().enumerate() {
         let what =
@@ -249,7 +251,7 @@ fn any_history_leaves_the_bits_of_a_full_evaluation() {
                 let run = TestRunner::new(config).run(&strategy, |(slots, batch, heads, default, frames)| {
                     // 1 for 16 bits, 4 for 32; or 4.
                     let weight_max = desc.weight_max.filter(|_| !default);
-                    let desc = desc.slots(slots).batch(batch).weight_max(weight_max);
+                    let desc = UpdateDesc { slots, batch, weight_max, ..desc };
                     check(headless, mesh, desc, heads, &frames);
                     Ok(())
                 });
@@ -263,12 +265,13 @@ fn any_history_leaves_the_bits_of_a_full_evaluation() {
 /// once the same weights are requested again, the bits of a full evaluation.
 fn play_with_a_budget(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize, frames: &Frames) {
     let budget = 0.02 * mesh.layout().diagonal;
-    let desc = desc.error_budget(budget);
+    let desc = UpdateDesc { error_budget: budget, ..desc };
     let grid = desc.grid(mesh.layout()).expect("a grid").expect("integers");
     let allowed = f64::from(budget + grid.position_error(TARGETS) + 1e-6 * mesh.layout().diagonal);
-    let instances = CrowdDesc::new(desc).instances(heads as u32);
+    let instances = CrowdDesc { instances: heads as u32, ..CrowdDesc::new(desc) };
     let mut device = HeadlessCrowd::new(headless, mesh, &instances).expect("a crowd");
-    let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads as u32, 2).expect("a crowd");
+    let mut cpu =
+        CpuCrowd::new(mesh.clone(), UpdateDesc { path: UpdatePath::Cpu, ..desc }, heads as u32, 2).expect("a crowd");
     let mut expected = Expected::new(mesh, desc, heads);
     let step = |device: &mut HeadlessCrowd<'_>, cpu: &mut CpuCrowd| {
         device.step(&[]).expect("a step");

@@ -22,7 +22,7 @@ struct Played {
 
 impl Played {
     fn new(packed: &Arc<PackedMesh>, desc: UpdateDesc) -> Self {
-        let crowd = CpuCrowd::new(packed.clone(), desc.path(UpdatePath::Cpu), 1, 1).expect("a crowd");
+        let crowd = CpuCrowd::new(packed.clone(), UpdateDesc { path: UpdatePath::Cpu, ..desc }, 1, 1).expect("a crowd");
         Self { crowd, bytes: 0, time: Duration::ZERO, bound: 0.0 }
     }
 
@@ -42,7 +42,7 @@ fn walk(mesh: &MorphMesh, format: DeltaFormat) {
     gpu::on_device(&gpu::one(), false, |headless, _| {
         let mut on_device = gpu::crowd(headless, &packed, UpdateDesc::blocks());
         let [mut default, mut wide] =
-            [1e-5, 2e-3].map(|drift| Played::new(&packed, UpdateDesc::blocks().tolerance(drift)));
+            [1e-5, 2e-3].map(|drift| Played::new(&packed, UpdateDesc { tolerance: drift, ..UpdateDesc::blocks() }));
         let mut rng = Rng::new(7, 0);
         let mut weights: Vec<f32> = mesh.targets.iter().map(|_| rng.unit()).collect();
         let mut worst: f64 = 0.0;
@@ -84,7 +84,7 @@ fn walk(mesh: &MorphMesh, format: DeltaFormat) {
 
 #[test]
 fn hundreds_of_overlapping_targets_come_out_as_requested() {
-    let head = head(&HeadDesc::default().vertices(1500).targets(600).sparsity(0.6).seed(3));
+    let head = head(&HeadDesc { vertices: 1500, targets: 600, sparsity: 0.6, seed: 3 });
     let head = head.to_mesh(Tolerance::default()).expect("a mesh");
     for format in DeltaFormat::BLOCKS {
         walk(&head, format);

@@ -14,7 +14,7 @@ fn poses_are_read_back_between_updates_in_one_submission() {
             let mesh = gpu::packed(engine, &testing::mesh(300, 11), format);
             let uploaded = gpu::upload(headless, engine, &mesh);
             for update in update_descs(engine, format) {
-                let desc = CrowdDesc::new(update).instances(3).frames_in_flight(4);
+                let desc = CrowdDesc { instances: 3, frames_in_flight: 4, ..CrowdDesc::new(update) };
                 let mut crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
                 let mut readbacks = [0, 1, 2].map(|_| engine.readback());
                 let asked = |frame: usize, i: u32| weights(&mesh, frame as u32, 5 * i);
@@ -56,7 +56,8 @@ fn streams_come_with_the_pose_and_memory_is_used_again() {
         let mesh = mesh.expect("a mesh that fits");
         let uploaded = gpu::upload(headless, engine, &mesh);
         for update in update_descs(engine, format) {
-            let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(update).instances(4)).expect("a crowd");
+            let mut crowd =
+                engine.create_crowd(&uploaded, &CrowdDesc { instances: 4, ..CrowdDesc::new(update) }).expect("a crowd");
             let mut readback = engine.readback();
             // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
             assert!(unsafe { readback.poses() }.expect("nothing yet").is_empty());

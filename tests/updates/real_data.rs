@@ -27,12 +27,12 @@ fn blocks() -> Vec<(DeltaFormat, UpdateDesc)> {
         (DeltaFormat::Small, PoseFormat::Fixed32, 1),
         (DeltaFormat::Small, PoseFormat::Fixed16, 2),
     ];
-    let of = |(format, pose, slots)| (format, UpdateDesc::blocks().pose(pose).slots(slots));
+    let of = |(format, pose, slots)| (format, UpdateDesc { pose, slots, ..UpdateDesc::blocks() });
     all.into_iter().map(of).chain([rebuilt()]).collect()
 }
 
 fn rebuilt() -> (DeltaFormat, UpdateDesc) {
-    (DeltaFormat::Small, UpdateDesc::blocks().pose(PoseFormat::Rebuilt16))
+    (DeltaFormat::Small, UpdateDesc { pose: PoseFormat::Rebuilt16, ..UpdateDesc::blocks() })
 }
 
 /// The smallest and largest batches of the dense paths.
@@ -60,7 +60,8 @@ fn clip_in(updates: fn(&MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)>, set: &st
         for (format, desc) in updates(engine) {
             let packed = packed_in.entry(format).or_insert_with(|| pack(&mesh, format)).clone();
             let mut crowd = gpu::crowd(headless, &packed, desc);
-            let mut cpu = CpuCrowd::new(packed.clone(), desc.path(UpdatePath::Cpu), 1, 2).expect("a crowd");
+            let mut cpu =
+                CpuCrowd::new(packed.clone(), UpdateDesc { path: UpdatePath::Cpu, ..desc }, 1, 2).expect("a crowd");
             for (i, weights) in frames.iter().enumerate() {
                 let stats = crowd.step(&[weights]).expect("a step").update.stats;
                 cpu.set_weights(0, weights).expect("weights that fit");
@@ -140,7 +141,7 @@ fn bytes(set: &str, clip: &str, fast: f64, small: f64, fixed16: f64) {
         (&packed[1], PoseFormat::Float32, small),
         (&packed[1], PoseFormat::Fixed16, fixed16),
     ] {
-        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose);
+        let desc = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 2).expect("a crowd");
         let mut moved = 0;
         for weights in &frames {
@@ -196,7 +197,7 @@ fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
     let budget = 1e-4 * mesh.diagonal;
     let mut moved = vec![];
     for error_budget in [0.0, budget] {
-        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).error_budget(error_budget);
+        let desc = UpdateDesc { error_budget, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 2).expect("a crowd");
         let (mut state, mut sum) = (7, 0);
         for (i, weights) in frames.iter().take(1500).enumerate() {

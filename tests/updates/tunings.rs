@@ -3,7 +3,7 @@
 use crate::gpu;
 use crate::testing;
 use deltamorph::device::DeviceTuning;
-use deltamorph::{BlockDesc, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc};
+use deltamorph::{BlockDesc, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, UpdateDesc};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 
 const HEADS: u32 = 3;
@@ -35,7 +35,7 @@ fn tunings(own: DeviceTuning) -> Vec<DeviceTuning> {
 #[test]
 fn poses_are_the_same_whatever_the_tuning() {
     // Blocks that are small enough to share a workgroup, in every format.
-    let blocks = BlockDesc::default().size(Some(32));
+    let blocks = BlockDesc { size: Some(32), ..Default::default() };
     let updates = [
         (DeltaFormat::Small, PoseFormat::Float32),
         (DeltaFormat::Small, PoseFormat::Fixed32),
@@ -44,17 +44,17 @@ fn poses_are_the_same_whatever_the_tuning() {
         (DeltaFormat::Fast, PoseFormat::Fixed32),
         (DeltaFormat::Fast, PoseFormat::Fixed16),
     ];
-    let desc = HeadlessDesc::default().device(DeviceChoice::Name(gpu::one())).validation(true);
+    let desc = HeadlessDesc { device: DeviceChoice::Name(gpu::one()), validation: true, ..Default::default() };
     let own = Headless::new(&desc).expect("a device").caps().tuning;
     let (mut wrong, mut bits) = (vec![], vec![None; updates.len()]);
     for tuning in tunings(own) {
-        let headless = Headless::new(&desc.clone().tuning(Some(tuning))).expect("a device");
+        let headless = Headless::new(&HeadlessDesc { tuning: Some(tuning), ..desc.clone() }).expect("a device");
         for (&(format, pose), bits) in updates.iter().zip(&mut bits) {
             // In place, a block that is processed twice would be wrong.
-            let update = UpdateDesc::blocks().pose(pose).slots(1).weight_max(Some(4.0)).tolerance(1e-2);
-            let packing = headless.engine().pack_desc(format).blocks(blocks);
+            let update = UpdateDesc { pose, slots: 1, weight_max: Some(4.0), tolerance: 1e-2, ..UpdateDesc::blocks() };
+            let packing = PackDesc { blocks, ..headless.engine().pack_desc(format) };
             let mesh = PackedMesh::pack(&testing::mesh(700, TARGETS), &packing).expect("a mesh that fits");
-            let crowd = CrowdDesc::new(update).instances(HEADS).frames_in_flight(1);
+            let crowd = CrowdDesc { instances: HEADS, frames_in_flight: 1, ..CrowdDesc::new(update) };
             let mut crowd = HeadlessCrowd::new(&headless, &mesh, &crowd).expect("a crowd");
             let mut stored = vec![];
             for frame in 0..6 {

@@ -84,13 +84,15 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             for batch in batches {
                 for (&pose, &mode) in poses.clone().flat_map(|pose| modes.iter().map(move |mode| (pose, mode))) {
                     none = false;
-                    let desc = UpdateDesc::new(path, batch)
-                        .mode(mode)
-                        .slots(update.slots)
-                        .pose(pose)
-                        .tolerance(update.drift)
-                        .weight_max(update.pack.weight_max)
-                        .error_budget(if format.is_blocks() { wanted.error_budget } else { 0.0 });
+                    let desc = UpdateDesc {
+                        mode,
+                        slots: update.slots,
+                        pose,
+                        tolerance: update.drift,
+                        weight_max: update.pack.weight_max,
+                        error_budget: if format.is_blocks() { wanted.error_budget } else { 0.0 },
+                        ..UpdateDesc::new(path, batch)
+                    };
                     match desc.check() {
                         Err(e) => skip(format!("{} batch {batch}", path.name()), e.to_string()),
                         Ok(()) => configs.push(Config { desc, format, batch_max, animated: false }),

@@ -93,7 +93,7 @@ pub fn measure_all(
 
 fn pack(mesh: &MorphMesh, format: DeltaFormat) -> deltamorph::Result<Arc<PackedMesh>> {
     // One chunk, regardless of devices: chunks change neither bytes nor values.
-    let desc = PackDesc::new(format).max_chunk_bytes(u64::MAX).max_chunk_vertices(u64::MAX);
+    let desc = PackDesc { max_chunk_bytes: u64::MAX, max_chunk_vertices: u64::MAX, ..PackDesc::new(format) };
     Ok(Arc::new(PackedMesh::pack(mesh, &desc)?))
 }
 

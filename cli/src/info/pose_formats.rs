@@ -142,7 +142,11 @@ pub fn pose_costs(packed: &Arc<PackedMesh>, held: bool, sample: &Sample<'_>) -> 
     let scale = scale(layout.diagonal);
     let relative = |length: f32| f64::from(length) / scale;
     let cost = |format: PoseFormat| {
-        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(format).weight_max(sample.weight_max);
+        let desc = UpdateDesc {
+            pose: format,
+            weight_max: sample.weight_max,
+            ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All)
+        };
         let desc = reaching(desc, sample.input.largest.get(), layout);
         let bounds = || -> deltamorph::Result<_> {
             desc.check_for(layout)?;

@@ -33,7 +33,7 @@ impl<'a> Shots<'a> {
         let subject = Subject::of_mesh(path, mesh);
         // Poses that do not depend on earlier ones. Rounding deltas moves vertices by much less than a pixel.
         let packed = Arc::new(PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::Fast))?);
-        let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
+        let update = UpdateDesc { mode: UpdateMode::Rebuild, ..UpdateDesc::new(UpdatePath::Blocks, BatchSize::All) };
         let desc = HeadsDesc { frames: 3, ..HeadsDesc::new(update) };
         let camera = Camera { yaw: input.front, pitch: 0.0, ..Camera::default() };
         // Both halves of the face are lit alike.

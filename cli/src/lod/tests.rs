@@ -10,7 +10,7 @@ use glam::Vec3;
 
 /// A small head; its first target moves every vertex by `shift`, its second one twice as far.
 fn shifted(shift: Vec3) -> MorphMesh {
-    let source = head(&HeadDesc::default().vertices(1200).targets(6));
+    let source = head(&HeadDesc { vertices: 1200, targets: 6, ..Default::default() });
     let mut mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh");
     for (target, times) in mesh.targets.iter_mut().zip([1.0, 2.0]) {
         target.vertices = (0..mesh.positions.len() as u32).collect();
@@ -58,7 +58,8 @@ fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
 
 #[test]
 fn losses_are_those_of_poses_evaluated_in_float64() {
-    let mesh = head(&HeadDesc::default().vertices(1200).targets(6)).to_mesh(Tolerance::ZERO).expect("a mesh");
+    let mesh =
+        head(&HeadDesc { vertices: 1200, targets: 6, ..Default::default() }).to_mesh(Tolerance::ZERO).expect("a mesh");
     let names: Vec<String> = mesh.targets.iter().map(|t| t.name.clone()).collect();
     let values: Vec<f32> = (0..6 * 5).map(|i| ((i * 7) % 11) as f32 / 10.0 - 0.2).collect();
     let clip = WeightClip { name: "clip".into(), names: names.clone(), fps: 30.0, values, ..Default::default() };

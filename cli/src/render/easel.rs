@@ -29,7 +29,7 @@ impl<'a> Easel<'a> {
         let Scenery { args, stage, subject, .. } = scenery;
         let mesh = &scenery.input.kept;
         let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
-        let surface = NormalsDesc::new(&corners).sizes(&mesh.faces.sizes).welds(&mesh.welds);
+        let surface = NormalsDesc { sizes: &mesh.faces.sizes, welds: &mesh.welds, ..NormalsDesc::new(&corners) };
         let desc = HeadsDesc {
             count: places.len() as u32,
             frames: IN_FLIGHT,

@@ -56,7 +56,8 @@ fn streams_of_a_packed_file_are_listed() {
     use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
     use deltamorph_head::{HeadDesc, head};
     let folder = tempfile::tempdir().unwrap();
-    let mut mesh = head(&HeadDesc::default().vertices(1200).targets(12)).to_mesh(Tolerance::default()).unwrap();
+    let mut mesh =
+        head(&HeadDesc { vertices: 1200, targets: 12, ..Default::default() }).to_mesh(Tolerance::default()).unwrap();
     for (name, streams) in [("plain", &[][..]), ("masks", &["wrinkle mask"])] {
         let file = folder.path().join(name).with_extension("dmorph");
         Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).unwrap().write(&file).unwrap();

@@ -119,7 +119,7 @@ fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
 }
 
 fn seeds() -> Vec<(String, Vec<u8>)> {
-    let head = head(&HeadDesc::default().vertices(60).targets(5));
+    let head = head(&HeadDesc { vertices: 60, targets: 5, ..Default::default() });
     let head = head.to_mesh(Tolerance::default()).expect("the built-in head");
     let streams = testing::with_streams(testing::mesh(40, 3));
     let mut seeds = vec![];

@@ -93,10 +93,11 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
     };
     let format = *u.choose(&DeltaFormat::ALL)?;
     let sizes = [None, Some(BLOCK_SIZES[0]), Some(BLOCK_SIZES[1]), Some(BLOCK_SIZES[2])];
-    let mut pack = PackDesc::new(format).blocks(BlockDesc::default().size(*u.choose(&sizes)?));
+    let mut pack =
+        PackDesc { blocks: BlockDesc { size: *u.choose(&sizes)?, ..Default::default() }, ..PackDesc::new(format) };
     if u.arbitrary()? {
         // Several chunks.
-        pack = pack.max_chunk_bytes(64 * 24 * 2 * mesh.targets.len().max(1) as u64);
+        pack.max_chunk_bytes = 64 * 24 * 2 * mesh.targets.len().max(1) as u64;
     }
     let packed = match PackedMesh::pack(&mesh, &pack) {
         Ok(packed) => Arc::new(packed),
@@ -105,13 +106,15 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
     let batch =
         if format.is_blocks() || u.arbitrary()? { BatchSize::All } else { BatchSize::Targets(u.int_in_range(1..=5)?) };
     let budget = if format.is_blocks() && u.arbitrary()? { number(u)?.abs() } else { 0.0 };
-    let desc = UpdateDesc::new(UpdatePath::Cpu, batch)
-        .mode(*u.choose(&[UpdateMode::Incremental, UpdateMode::Rebuild])?)
-        .slots(u.int_in_range(1..=4)?)
-        .pose(*u.choose(&PoseFormat::ALL)?)
-        .tolerance(*u.choose(&[1e-5, 1e-4, 1e-6, 0.5])?)
-        .weight_max(*u.choose(&[None, Some(1.0), Some(2.5), Some(0.1), Some(100.0)])?)
-        .error_budget(budget);
+    let desc = UpdateDesc {
+        mode: *u.choose(&[UpdateMode::Incremental, UpdateMode::Rebuild])?,
+        slots: u.int_in_range(1..=4)?,
+        pose: *u.choose(&PoseFormat::ALL)?,
+        tolerance: *u.choose(&[1e-5, 1e-4, 1e-6, 0.5])?,
+        weight_max: *u.choose(&[None, Some(1.0), Some(2.5), Some(0.1), Some(100.0)])?,
+        error_budget: budget,
+        ..UpdateDesc::new(UpdatePath::Cpu, batch)
+    };
     let count = u.int_in_range(1..=4u32)?;
     let new = || CpuCrowd::new(packed.clone(), desc, count, 1);
     let mut crowd = match new() {

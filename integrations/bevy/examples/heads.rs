@@ -28,7 +28,7 @@ fn spawn(
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) -> Result {
-    let desc = HeadDesc::default().vertices(20_000);
+    let desc = HeadDesc { vertices: 20_000, ..Default::default() };
     let head = head(&desc).split()?.to_mesh(Tolerance::default())?;
     let names: Vec<&str> = head.targets.iter().map(|target| target.name.as_str()).collect();
     commands.insert_resource(Clip(head_clip(&desc, 120, 30.0).bind(&names)?.frames().collect()));

@@ -89,14 +89,15 @@ impl Morphed {
             return Err(invalid(text, "show fewer of the mesh, or one with fewer vertices"));
         }
         let mut desc = morph.pack_desc(settings.format);
-        desc.blocks = desc.blocks.weight_max(settings.weight_max).normal_error_degrees(settings.normal_error_degrees);
+        desc.blocks.weight_max = settings.weight_max;
+        desc.blocks.normal_error_degrees = settings.normal_error_degrees;
         let packed = PackedMesh::pack(&source(mesh)?.to_mesh(Tolerance::default())?, &desc)?;
         let layout = packed.layout();
         let mut order: Vec<u32> = (0..vertices as u32).collect();
         layout.remap_indices(&mut order)?;
-        let update = UpdateDesc::blocks().pose(PoseFormat::Fixed32).slots(1);
+        let update = UpdateDesc { pose: PoseFormat::Fixed32, slots: 1, ..UpdateDesc::blocks() };
         // One more than the number of frames that a surface keeps in flight.
-        let crowd = CrowdDesc::new(update).instances(instances).frames_in_flight(3);
+        let crowd = CrowdDesc { instances, frames_in_flight: 3, ..CrowdDesc::new(update) };
         let crowd = morph.create_crowd(&morph.upload(&packed)?, &crowd)?;
         let scale_of = |group: &PackedLayout| -> Result<_> {
             let grid = update.grid(group)?;

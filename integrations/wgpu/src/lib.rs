@@ -97,7 +97,7 @@ impl Morph {
         }
         let int64 = vk::Bool32::from(device.features().contains(wgpu::Features::SHADER_INT64));
         let features = vk::PhysicalDeviceFeatures::default().shader_int64(int64 == vk::TRUE);
-        let desc = DeviceDesc::new(instance, physical, hal.raw_device()).enabled_features(features);
+        let desc = DeviceDesc { enabled_features: features, ..DeviceDesc::new(instance, physical, hal.raw_device()) };
         // SAFETY: the handles are those of one wgpu device; a clone keeps it alive as long as the engine and everything
         // made by it. Only features that are enabled are named.
         let engine = unsafe { MorphEngine::new(&desc) }?;
@@ -143,8 +143,11 @@ impl Morph {
             let text = "poses in the host's own vertices, through wgpu";
             return Err(invalid(text, "do not set CrowdDesc::poses, and read Crowd::pose"));
         }
-        let made = desc.consumers(desc.consumers | consumers());
-        let made = made.pose_usage(made.pose_usage | vk::BufferUsageFlags::TRANSFER_DST);
+        let made = CrowdDesc {
+            consumers: desc.consumers | consumers(),
+            pose_usage: desc.pose_usage | vk::BufferUsageFlags::TRANSFER_DST,
+            ..*desc
+        };
         // Unlocked before anything is submitted: callbacks of finished uploads run then, and lock it.
         let crowd = {
             let gpu = lock(&mesh.gpu);

@@ -165,7 +165,7 @@ fn main() -> Result<()> {
         }
         let mut best: Option<(f64, f64)> = None;
         for format in [PoseFormat::Float32, PoseFormat::Fixed32] {
-            let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(format);
+            let desc = UpdateDesc { pose: format, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
             // Refused where float32 sums of so many targets may drift too far.
             let Ok(mut crowd) = CpuCrowd::new(packed.clone(), desc, 1, threads) else { continue };
             let (ms, last) = time(rows.len(), limit, |row| {

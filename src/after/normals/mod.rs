@@ -6,14 +6,12 @@ mod fans;
 mod step;
 
 use crate::error::Result;
-use crate::setters::setters;
 use glam::DVec3;
 pub(crate) use step::Recomputed;
 pub use step::{GpuNormals, NormalsTarget};
 
 /// The surface of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct NormalsDesc<'a> {
     /// The vertices of all faces, face by face, in the user's order: an index buffer.
     pub corners: &'a [u32],
@@ -24,8 +22,6 @@ pub struct NormalsDesc<'a> {
     /// Welded vertices share triangles and get bit-equal normals, so that seams are invisible.
     pub welds: &'a [u32],
 }
-
-setters!(NormalsDesc<'a> { sizes: &'a [u32], welds: &'a [u32] });
 
 impl<'a> NormalsDesc<'a> {
     /// The triangles of an index buffer, without welds.

@@ -14,7 +14,6 @@ use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
 use crate::pack::PackedMesh;
 use crate::plan::after::Kind;
-use crate::setters::setters;
 use ash::vk;
 use std::sync::Arc;
 
@@ -64,7 +63,6 @@ impl GpuNormals {
 /// Vertices are in pose-buffer order, without padding. Normals may be interleaved with decoded positions in one buffer
 /// ([`DecodeTarget`](crate::after::DecodeTarget) without normals).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct NormalsTarget {
     /// The output buffer, with storage buffer usage.
     pub buffer: vk::Buffer,
@@ -73,8 +71,6 @@ pub struct NormalsTarget {
     /// Bytes per vertex, a multiple of 4 and at least 12.
     pub stride: u32,
 }
-
-setters!(NormalsTarget { offset: u64, stride: u32 });
 
 impl NormalsTarget {
     /// Contiguous normals of 12 bytes from the start of the buffer.

@@ -15,7 +15,6 @@ use crate::gpu::mesh::Upload;
 use crate::gpu::pipelines::{Objects, PipelineKey};
 use crate::pack::{DeltaFormat, PackedMesh};
 use crate::plan::after::Kind;
-use crate::setters::setters;
 use ash::vk;
 use std::sync::Arc;
 
@@ -61,7 +60,6 @@ impl GpuSkin {
 /// Vertices are in pose-buffer order, without padding:
 /// [`PackedLayout::vertex_count`](crate::PackedLayout::vertex_count) in total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct SkinTarget {
     /// The output buffer, with storage buffer usage.
     pub buffer: vk::Buffer,
@@ -85,15 +83,6 @@ pub struct SkinTarget {
     /// Blending method, which determines the layout of joints.
     pub method: SkinMethod,
 }
-
-setters!(SkinTarget {
-    offset: u64,
-    stride: u32,
-    normals: Option<u32>,
-    second: Option<(vk::Buffer, u64)>,
-    joints_offset: u64,
-    method: SkinMethod,
-});
 
 impl SkinTarget {
     /// Contiguous positions and normals, 24 bytes per vertex, from the start of `buffer`; linear blending of matrices

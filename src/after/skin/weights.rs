@@ -36,8 +36,7 @@ impl SkinMethod {
 }
 
 /// Joints and weights of a mesh's vertices.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SkinDesc<'a> {
     /// Joints per vertex: 4 or 8.
     pub influences: u32,
@@ -50,11 +49,6 @@ pub struct SkinDesc<'a> {
 }
 
 impl<'a> SkinDesc<'a> {
-    /// `joints` and `weights`: `influences` values per vertex, vertex by vertex.
-    pub fn new(influences: u32, joint_count: u32, joints: &'a [u16], weights: &'a [f32]) -> Self {
-        Self { influences, joint_count, joints, weights }
-    }
-
     /// Joints and weights of each of `vertices` vertices.
     ///
     /// # Errors

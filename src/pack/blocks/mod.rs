@@ -22,7 +22,6 @@ use super::formats::{BlockFormat, with_format};
 use super::order::inverse;
 use super::{DeltaFormat, POSE_FLOATS, PoseError};
 use crate::asset::streams::{TRIPLE, TRIPLES};
-use crate::setters::setters;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -31,7 +30,6 @@ pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
 
 /// Describes packing in blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct BlockDesc {
     /// Vertices per block, one of [`BLOCK_SIZES`]. `None`: 32 for `small`, else 64.
     pub size: Option<u32>,
@@ -49,14 +47,6 @@ pub struct BlockDesc {
     /// [`UpdateDesc::weight_max`](crate::UpdateDesc) is set.
     pub weight_max: f32,
 }
-
-setters!(BlockDesc {
-    size: Option<u32>,
-    position_error: f32,
-    normal_error_degrees: f32,
-    absolute_error: f32,
-    weight_max: f32,
-});
 
 impl Default for BlockDesc {
     /// 1e-5 of the diagonal, 0.5°, 1e-4 (less than half a texel of 4096), weights up to 4.

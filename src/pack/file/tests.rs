@@ -100,7 +100,7 @@ fn what_was_packed_comes_back() {
 
 /// The built-in head, split at its seam.
 fn split_head(format: DeltaFormat) -> (MorphMesh, Asset) {
-    let mesh = testing::head(&HeadDesc::default().vertices(300).targets(6))
+    let mesh = testing::head(&HeadDesc { vertices: 300, targets: 6, ..Default::default() })
         .split()
         .unwrap()
         .to_mesh(Tolerance::default())

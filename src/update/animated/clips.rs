@@ -5,7 +5,6 @@ use crate::lod::Importance;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
 use crate::plan::instances::out_of_grid;
-use crate::setters::setters;
 use crate::weights::WeightClip;
 
 /// Storage of keys.
@@ -22,7 +21,6 @@ pub enum KeyFormat {
 
 /// The clips of a crowd animated on the GPU, and its levels of detail.
 #[derive(Clone, Copy, Debug)]
-#[non_exhaustive]
 pub struct AnimationDesc<'a> {
     /// The clips, numbered from 0 in [`Playback::clip`](super::Playback::clip).
     pub clips: &'a [WeightClip],
@@ -32,8 +30,6 @@ pub struct AnimationDesc<'a> {
     /// all targets are always kept.
     pub importance: Option<&'a Importance>,
 }
-
-setters!(AnimationDesc<'a> { key_format: KeyFormat, importance: Option<&'a Importance> });
 
 impl<'a> AnimationDesc<'a> {
     /// `clips` with 32-bit keys, without levels of detail.

@@ -20,7 +20,6 @@
 //! With a level of detail of N targets, in 2⁻¹⁶, the weight of the target of rank r is scaled once more, interpolated
 //! from 0 with f = clamp(N − r · 2¹⁶, 0, 2¹⁶).
 
-use crate::setters::setters;
 use crate::weights::Repeat;
 use bytemuck::{Pod, Zeroable};
 
@@ -29,7 +28,6 @@ pub const TICKS_PER_SECOND: f64 = 65_536.0;
 
 /// How an instance plays a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct Playback {
     /// Index of the clip.
     pub clip: u32,
@@ -41,8 +39,6 @@ pub struct Playback {
     /// Behaviour at the end of the clip.
     pub repeat: Repeat,
 }
-
-setters!(Playback { clip: u32, start: f64, speed: f64, repeat: Repeat });
 
 impl Playback {
     /// Loops `clip` from time 0 on, at its own speed.

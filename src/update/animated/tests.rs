@@ -29,7 +29,7 @@ fn clip(frames: usize, fps: f32, value: impl Fn(usize, usize) -> f32) -> WeightC
 }
 
 fn clips(list: &[WeightClip], key_format: KeyFormat) -> Clips {
-    Clips::new(&AnimationDesc::new(list).key_format(key_format), mesh().layout(), grid()).unwrap()
+    Clips::new(&AnimationDesc { key_format, ..AnimationDesc::new(list) }, mesh().layout(), grid()).unwrap()
 }
 
 /// Weights at `seconds`, in double precision.
@@ -248,7 +248,7 @@ fn what_is_not_animated_on_the_gpu_is_refused() {
         (UpdateDesc::blocks(), mesh(), "sums of integers do not drift"),
         (UpdateDesc { slots: 33, ..fixed }, mesh(), "use at most 32"),
         (UpdateDesc { path: UpdatePath::Cpu, ..fixed }, mesh(), "use the path 'blocks'"),
-        (fixed.error_budget(0.1), mesh(), "an error budget of 0.1"),
+        (UpdateDesc { error_budget: 0.1, ..fixed }, mesh(), "an error budget of 0.1"),
         (fixed, still, "move nothing"),
     ] {
         testing::says(desc.check_animated(mesh.layout()), &[words]);

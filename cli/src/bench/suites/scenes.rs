@@ -133,7 +133,11 @@ pub fn faces(session: &mut Session<'_>) -> Result<Vec<Scene>, Failure> {
         };
         let input = head_of(args, size, session)?;
         let names = input.targets();
-        let clip = head_clip(&HeadDesc::default().targets(names.len().min(ANIMATED)).seed(args.seed), FRAMES, 30.0);
+        let clip = head_clip(
+            &HeadDesc { targets: names.len().min(ANIMATED), seed: args.seed, ..Default::default() },
+            FRAMES,
+            30.0,
+        );
         workloads.push(Workload::clip(&clip.bind(&names)?));
         inputs.push(input);
     }

@@ -48,7 +48,7 @@ pub struct Face {
 impl Face {
     /// Makes the built-in head with its clip. `sparsity`: the mean fraction of the vertices that a target moves.
     pub fn head(vertices: usize, targets: usize, sparsity: f32) -> Result<Self> {
-        let head = sample::HeadDesc::default().vertices(vertices).targets(targets).sparsity(sparsity);
+        let head = sample::HeadDesc { vertices, targets, sparsity, ..Default::default() };
         let morphs = sample::head(&head).split()?.to_mesh(Tolerance::default())?;
         Self::new(morphs, &sample::head_clip(&head, 120, 30.0))
     }

@@ -80,7 +80,7 @@ fn frames() {
 
 /// Reads a folder with a mesh, its targets and a clip, the last by name.
 fn read(folder: &Path) -> Result<Face> {
-    let found = import::open(folder, &ImportDesc::default().split(true))?;
+    let found = import::open(folder, &ImportDesc { split: true, ..Default::default() })?;
     let ImportedMesh::Source(source) = found.mesh else { return Err("a packed file has no attributes".into()) };
     let clip = found.clips.last().ok_or("no weights/*.csv")?;
     Face::new(source.to_mesh(Tolerance::default())?, &import::open_clip(clip, None)?)

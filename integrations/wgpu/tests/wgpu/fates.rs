@@ -46,8 +46,11 @@ impl Head {
 }
 
 fn descs() -> Vec<(DeltaFormat, CrowdDesc)> {
-    let blocks = [1, 2, 3].map(|slots| (DeltaFormat::Fast, UpdateDesc::blocks().slots(slots)));
-    let others = [(DeltaFormat::Fast, UpdateDesc::blocks().pose(PoseFormat::Fixed16)), (DeltaFormat::Snorm16, dense())];
+    let blocks = [1, 2, 3].map(|slots| (DeltaFormat::Fast, UpdateDesc { slots, ..UpdateDesc::blocks() }));
+    let others = [
+        (DeltaFormat::Fast, UpdateDesc { pose: PoseFormat::Fixed16, ..UpdateDesc::blocks() }),
+        (DeltaFormat::Snorm16, dense()),
+    ];
     blocks.into_iter().chain(others).map(|(format, update)| (format, CrowdDesc::new(update))).collect()
 }
 
@@ -88,7 +91,7 @@ fn updates_that_are_dropped_or_fail_are_made_again() {
 fn updates_out_of_order_are_noticed() {
     on_every_adapter(|host| {
         for (format, desc) in descs() {
-            let mut head = Head::new(&host, format, &desc.frames_in_flight(3));
+            let mut head = Head::new(&host, format, &CrowdDesc { frames_in_flight: 3, ..desc });
             head.assert_goes_on(&host, "in order");
             for kept in [false, true] {
                 let [first, second] = [0, 1].map(|_| head.update().expect("an update").expect("a change"));
@@ -123,7 +126,7 @@ fn no_more_updates_are_unfinished_than_there_are_lists() {
     on_every_adapter(|host| {
         for (format, desc) in descs() {
             for frames_in_flight in [1, 2] {
-                let mut head = Head::new(&host, format, &desc.frames_in_flight(frames_in_flight));
+                let mut head = Head::new(&host, format, &CrowdDesc { frames_in_flight, ..desc });
                 for _ in 0..30 {
                     let update = head.update().expect("an update");
                     host.queue.submit(update);

@@ -54,7 +54,7 @@ fn slots_that_no_update_has_written_are_zeros() {
     on_every_adapter(|host| {
         let (morph, _, uploaded, mut weights) = uploaded(&host, DeltaFormat::Fast);
         for updates in [3, 1] {
-            let desc = CrowdDesc::new(UpdateDesc::blocks().slots(3));
+            let desc = CrowdDesc::new(UpdateDesc { slots: 3, ..UpdateDesc::blocks() });
             let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
             for _ in 0..updates {
                 Random(1).change(&mut weights);

@@ -27,7 +27,7 @@ fn draws_copies_and_compute_passes_of_one_submit_read_the_pose() {
     on_every_adapter(|host| {
         let (morph, mesh, uploaded, mut weights) = uploaded(&host, DeltaFormat::Fast);
         for (format, slots) in PoseFormat::ALL.into_iter().flat_map(|format| [(format, 1), (format, 2)]) {
-            let desc = CrowdDesc::new(UpdateDesc::blocks().pose(format).slots(slots));
+            let desc = CrowdDesc::new(UpdateDesc { pose: format, slots, ..UpdateDesc::blocks() });
             let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
             let (mut random, mut readers, mut read) = (Random(7), None, vec![]);
             // No waits between frames but those of `update`.

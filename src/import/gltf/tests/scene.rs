@@ -40,7 +40,7 @@ proptest! {
         scale in prop::array::uniform3(prop_oneof![-3.0f64..-0.3, 0.3f64..3.0]),
         turn in prop::array::uniform3(-3.0f64..3.0), weight in 0.0f32..1.0,
     ) {
-        let source = head(&HeadDesc::default().vertices(300).targets(2));
+        let source = head(&HeadDesc { vertices: 300, targets: 2, ..Default::default() });
         let triangles = source.faces.triangles(&source.positions);
         // In the form of a file: triangles, and normals with their deltas.
         let built = source.to_mesh(Tolerance::ZERO).unwrap();
@@ -74,7 +74,7 @@ proptest! {
 
 #[test]
 fn what_flattens_a_mesh_is_said_and_its_normals_stay_directions() {
-    let source = head(&HeadDesc::default().vertices(300).targets(0)).to_mesh(Tolerance::ZERO).unwrap();
+    let source = head(&HeadDesc { vertices: 300, targets: 0, ..Default::default() }).to_mesh(Tolerance::ZERO).unwrap();
     for scale in [DVec3::new(1.0, 0.0, 1.0), DVec3::X, DVec3::ZERO] {
         let flat = DMat4::from_scale(scale);
         assert!(flattens(&flat));
