@@ -357,12 +357,6 @@ typedef struct DmBoundClip {
     uint64_t bits;
 } DmBoundClip;
 
-/// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
-typedef struct DmCrowd {
-    /// Kind and number.
-    uint64_t bits;
-} DmCrowd;
-
 /// What memory a buffer needs.
 typedef struct DmMemoryRequest {
     /// Bytes.
@@ -572,6 +566,12 @@ typedef struct DmCrowdDesc {
     /// another queue.
     const uint32_t *queue_family;
 } DmCrowdDesc;
+
+/// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
+typedef struct DmCrowd {
+    /// Kind and number.
+    uint64_t bits;
+} DmCrowd;
 
 /// Levels of detail: an instance keeps as many targets, in the order of their importance, as `dm_crowd_set_level` says.
 typedef struct DmLevelDesc {
@@ -1061,13 +1061,6 @@ DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weig
 /// Destroy a bound clip.
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 
-/// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
-/// animated crowd made with DmAnimationDesc::level. A number at or above the number of targets keeps all.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an instance
-/// out of range, a level below 0 or not a number, a crowd without levels of detail or one that plays no clips.
-DmResult dm_crowd_set_level(struct DmCrowd crowd, uint32_t instance, float level);
-
 /// Make an engine on a device of the host's. It never submits, waits, or makes a queue or a thread.
 ///
 /// Errors: DM_ERROR_INVALID for null handles, an instance or device of Vulkan 1.0, or queue families that the device
@@ -1088,12 +1081,6 @@ DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 /// Safety:
 /// `memory` is a structure that can be written.
 DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
-
-/// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
-/// DmSurface. The device may be destroyed afterwards.
-///
-/// Errors: DM_ERROR_INVALID while such objects are alive, with their kinds and numbers; nothing changes then.
-DmResult dm_engine_destroy(struct DmEngine engine);
 
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
 ///
@@ -1203,6 +1190,13 @@ DmResult dm_crowd_play(struct DmCrowd crowd, uint32_t instance, const struct DmP
 ///
 /// Errors: DM_ERROR_INVALID for a time that is not a number or too large; for a crowd that plays no clips.
 DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
+
+/// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
+/// animated crowd made with DmAnimationDesc::level. A number at or above the number of targets keeps all.
+///
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an instance
+/// out of range, a level below 0 or not a number, a crowd without levels of detail or one that plays no clips.
+DmResult dm_crowd_set_level(struct DmCrowd crowd, uint32_t instance, float level);
 
 /// Request these weights for an instance, one per target in the mesh's order, from the next recorded update on.
 ///
@@ -1480,6 +1474,12 @@ DmResult dm_weight_bounds_of(struct DmWeightBounds bounds,
 
 /// Destroy an object that computes bounds.
 DmResult dm_weight_bounds_destroy(struct DmWeightBounds bounds);
+
+/// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
+/// DmSurface. The device may be destroyed afterwards.
+///
+/// Errors: DM_ERROR_INVALID while such objects are alive, with their kinds and numbers; nothing changes then.
+DmResult dm_engine_destroy(struct DmEngine engine);
 
 #ifdef __cplusplus
 }  // extern "C"

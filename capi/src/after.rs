@@ -2,13 +2,15 @@
 //! Skinning is in [`skin`](crate::skin).
 
 use crate::arguments::{built, check_reserved, or};
-use crate::attached::{self, check_buffer};
-use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle};
+use crate::attached::{self, Attached, check_buffer};
+use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle, handle};
 use crate::result::{DmResult, Result, enter};
 use crate::structs::{DmDecodeTarget, DmNormalsTarget};
 use deltamorph::DecodeTarget;
-use deltamorph::after::{NormalsDesc, NormalsTarget};
+use deltamorph::after::{GpuNormals, NormalsDesc, NormalsTarget};
 use deltamorph::ash::vk;
+
+handle!(DmSurface for Attached<GpuNormals>);
 
 /// Have the positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
 /// `target` null: stop. What is written is ready for the crowd's consumers.

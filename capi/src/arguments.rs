@@ -49,7 +49,7 @@ mod tests {
     use crate::handles::{DmClip, DmCrowd, DmEngine, DmSkin, DmSurface, DmWeightBounds};
     use crate::result::{DM_ERROR_HANDLE, DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED, DmResult, dm_last_error};
     use crate::structs::DmSampleDesc;
-    use crate::{after, bounds, clip, engine, level, memory::Versioned, skin};
+    use crate::{after, bounds, clip, crowd, engine, memory::Versioned, skin};
     use std::ffi::CStr;
     use std::ptr::{null, null_mut};
 
@@ -76,7 +76,7 @@ mod tests {
             after(after::dm_crowd_set_normals_target(crowd, 0, DmSurface { bits }, null()));
             after(skin::dm_crowd_set_joints(crowd, 0, 0));
             after(bounds::dm_weight_bounds_of(DmWeightBounds { bits }, null(), 0, 0.0, null_mut()));
-            level(level::dm_crowd_set_level(crowd, 0, 1.0));
+            level(crowd::dm_crowd_set_level(crowd, 0, 1.0));
             memory(engine::dm_engine_memory(DmEngine { bits }, null_mut()));
             of_sample(clip::dm_clip_sample_head(&raw const sample, 1, 30.0, &raw mut clip));
         }

@@ -2,7 +2,7 @@
 
 use crate::arguments::built;
 use crate::crowd::crowd_desc;
-use crate::handles::{DmMesh, DmWeightBounds, Handle};
+use crate::handles::{DmMesh, DmWeightBounds, Handle, handle};
 use crate::memory::{check_place, fill, slice};
 use crate::result::{DmResult, Failure, enter};
 use crate::structs::DmCrowdDesc;
@@ -13,6 +13,8 @@ pub struct WeightBounds {
     bounds: deltamorph::WeightBounds,
     targets: usize,
 }
+
+handle!(DmWeightBounds for WeightBounds);
 
 /// Make an object that computes bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for
 /// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones. The mesh may be

@@ -1,7 +1,7 @@
 //! Clips of weights, and clips bound to the targets of a mesh.
 
 use crate::arguments::built;
-use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle};
+use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle, handle};
 use crate::memory::{Place, Versioned, check_place, fill, read, read_or_default, slice, text, text_or_empty};
 use crate::mesh::head_desc;
 use crate::result::{DmResult, Failure, Result, enter};
@@ -17,10 +17,14 @@ pub struct Clip {
     pub(crate) clip: WeightClip,
 }
 
+handle!(DmClip for Clip);
+
 /// The object of a `DmBoundClip`.
 pub struct BoundClip {
     pub(crate) clip: deltamorph::BoundClip,
 }
+
+handle!(DmBoundClip for BoundClip);
 
 /// The most weights of a clip of the built-in head.
 const CLIP_WEIGHTS: u64 = 1 << 24;

@@ -1,15 +1,15 @@
 //! Crowds on the device: made, changed, destroyed.
 
-use crate::arguments::{check_command_buffer, check_reserved, or};
+use crate::arguments::{built, check_command_buffer, check_reserved, or};
 use crate::engine::Engine;
-use crate::handles::{DmCrowd, DmGpuMesh, Handle};
-use crate::level::level;
-use crate::memory::{check_place, read, read_or_default, slice};
+use crate::handles::{DmCrowd, DmGpuMesh, Handle, handle};
+use crate::memory::{check_place, read, read_or_default, slice, text};
 use crate::numbers::{consumers, mode, path, pose_format, semantic};
 use crate::result::{DmResult, Failure, Result, enter, lock};
-use crate::structs::{DmAnimationDesc, DmCrowdDesc, DmPlayback};
+use crate::structs::{DmAnimationDesc, DmCrowdDesc, DmLevelDesc, DmPlayback};
 use crate::tickets::Tickets;
 use deltamorph::ash::vk::{self, Handle as _};
+use deltamorph::lod::Importance;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DeviceCrowd, HostPoses, KeyFormat, Playback,
     PoseFormat, Repeat, UpdateDesc, VertexLayout, WeightClip,
@@ -21,6 +21,8 @@ pub struct Crowd {
     pub(crate) state: Mutex<State>,
     pub(crate) engine: Arc<Engine>,
 }
+
+handle!(DmCrowd for Crowd);
 
 /// The part that calls change.
 pub(crate) struct State {
@@ -126,6 +128,25 @@ pub(crate) unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseForm
     }
     // SAFETY: as above.
     Ok(CrowdDesc { poses: Some(unsafe { HostPoses::new(host.buffer, host.offset, vertex) }), ..desc })
+}
+
+/// The order of the targets; `None`: all targets are kept.
+///
+/// # Safety
+/// `desc` is null, or a structure with as many pins as it says.
+unsafe fn level(desc: *const DmLevelDesc) -> Result<Option<Importance>> {
+    if desc.is_null() {
+        return Ok(None);
+    }
+    built!("level", "levels of detail");
+    // SAFETY: the caller's obligation.
+    let asked = unsafe { read(desc) }?;
+    let mesh = asked.mesh.get()?;
+    // SAFETY: as above.
+    let pins = unsafe { slice(asked.pins, asked.pin_count as usize, "pins") }?;
+    // SAFETY: as above.
+    let pins = pins.iter().map(|&pin| unsafe { text(pin, "pins") }).collect::<Result<Vec<&str>>>()?;
+    Ok(Some(Importance::of_packed(&mesh.asset.mesh, &pins)?))
 }
 
 fn insert(kind: Kind, engine: Arc<Engine>) -> DmCrowd {
@@ -321,4 +342,17 @@ pub unsafe extern "C" fn dm_crowd_play(crowd: DmCrowd, instance: u32, playback: 
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_time(crowd: DmCrowd, seconds: f64) -> DmResult {
     enter("dm_crowd_set_time", || with(crowd, |state| Ok(state.animated()?.set_time(seconds)?)))
+}
+
+/// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
+/// animated crowd made with DmAnimationDesc::level. A number at or above the number of targets keeps all.
+///
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an instance
+/// out of range, a level below 0 or not a number, a crowd without levels of detail or one that plays no clips.
+#[unsafe(no_mangle)]
+pub extern "C" fn dm_crowd_set_level(crowd: DmCrowd, instance: u32, level: f32) -> DmResult {
+    enter("dm_crowd_set_level", || {
+        built!("level", "levels of detail");
+        with(crowd, |state| Ok(state.animated()?.set_level(instance, level)?))
+    })
 }

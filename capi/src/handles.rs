@@ -1,6 +1,5 @@
 //! Handles: 64 bits that name an object by kind and number. Null, foreign and destroyed ones are refused.
 
-use crate::kinds::KINDS;
 use crate::result::{Failure, Result};
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -84,6 +83,60 @@ pub struct DmWeightBounds {
     /// Kind and number.
     pub bits: u64,
 }
+
+macro_rules! kinds {
+    ($($handle:ident $name:literal;)*) => {
+        /// The name of each kind in messages, by number.
+        pub const KINDS: &[&str] = &["", $($name),*];
+
+        /// The kinds of objects, with their numbers.
+        pub enum Kind {
+            /// No object.
+            None,
+            $(
+                #[doc = concat!("That of `", stringify!($handle), "`.")]
+                $handle,
+            )*
+        }
+    };
+}
+
+kinds! {
+    DmMesh "a mesh";
+    DmEngine "an engine";
+    DmGpuMesh "a mesh on the device";
+    DmCrowd "a crowd";
+    DmClip "a clip";
+    DmBoundClip "a bound clip";
+    DmReadback "a read-back";
+    DmSkin "a skin";
+    DmSurface "a surface";
+    DmWeightBounds "bounds from weights";
+}
+
+/// Makes a type a handle for objects of another type.
+macro_rules! handle {
+    ($handle:ident for $object:ty) => {
+        impl $crate::handles::Handle for $handle {
+            type Object = $object;
+
+            fn registry() -> &'static $crate::handles::Registry<$object> {
+                use $crate::handles::{Kind, Registry};
+                static REGISTRY: Registry<$object> = Registry::new(Kind::$handle as u8);
+                &REGISTRY
+            }
+
+            fn of(bits: u64) -> Self {
+                Self { bits }
+            }
+
+            fn bits(self) -> u64 {
+                self.bits
+            }
+        }
+    };
+}
+pub(crate) use handle;
 
 /// A handle as functions receive it.
 pub trait Handle: Copy {

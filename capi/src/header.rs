@@ -1,7 +1,7 @@
 //! `include/deltamorph.h`: generated from this crate, checked in, and compiled by C and C++ compilers. `UPDATE_HEADER=1
 //! cargo test -p deltamorph-c header` rewrites it.
 
-use crate::kinds::KINDS;
+use crate::handles::KINDS;
 use crate::structs as dm;
 use cbindgen::{Builder, Config, DocumentationStyle, ExportConfig, Language, Style};
 use std::collections::HashMap;
@@ -173,7 +173,6 @@ fn generate_as(config: Config) -> String {
         "queries",
         "mesh",
         "clip",
-        "level",
         "engine",
         "upload",
         "crowd",
@@ -184,6 +183,7 @@ fn generate_as(config: Config) -> String {
         "after",
         "skin",
         "bounds",
+        "destroy",
     ];
     for file in files {
         builder = builder.with_src(Path::new(CRATE).join(format!("src/{file}.rs")));

@@ -2,7 +2,7 @@
 //! C caller has to know is in the documentation of the functions, which the header repeats.
 //!
 //! All of it uses the public API of the Rust library. Properties that C cannot express are checked here: handles
-//! ([`handles`], [`kinds`]), pointers and sizes of structures ([`memory`]), reserved fields ([`arguments`]), numbers of
+//! ([`handles`]), pointers and sizes of structures ([`memory`]), reserved fields ([`arguments`]), numbers of
 //! enumerations ([`numbers`]); every entry turns errors and panics into a code and a message ([`result`]).
 
 pub mod after;
@@ -12,12 +12,11 @@ pub mod attached;
 pub mod bounds;
 pub mod clip;
 pub mod crowd;
+pub mod destroy;
 pub mod engine;
 pub mod handles;
 #[cfg(test)]
 mod header;
-pub mod kinds;
-pub mod level;
 pub mod memory;
 pub mod mesh;
 pub mod numbers;

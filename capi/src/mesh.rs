@@ -1,7 +1,7 @@
 //! Meshes in memory: imported, and packed for the device.
 
 use crate::arguments::{built, check_reserved, or};
-use crate::handles::{DmMesh, Handle};
+use crate::handles::{DmMesh, Handle, handle};
 use crate::memory::{array, check_place, read, read_or_default, slice, text, text_or_empty};
 use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, DM_MESSAGE_NOTE, delta_format};
 use crate::result::{DmResult, Failure, Result, c_string, enter};
@@ -20,6 +20,8 @@ pub struct Mesh {
     /// Names of its targets, for as long as it lives.
     pub(crate) names: Vec<CString>,
 }
+
+handle!(DmMesh for Mesh);
 
 impl DmMeshDesc {
     const FLAGS: u32 = DM_MESH_SPLIT | DM_MESH_WELD | DM_MESH_KEEP_ALL;

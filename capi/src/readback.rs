@@ -2,7 +2,7 @@
 
 use crate::arguments::check_command_buffer;
 use crate::engine::Engine;
-use crate::handles::{DmCrowd, DmEngine, DmReadback, Handle};
+use crate::handles::{DmCrowd, DmEngine, DmReadback, Handle, handle};
 use crate::memory::{check_place, fill, slice};
 use crate::numbers::semantic;
 use crate::result::{DmResult, Failure, enter, lock};
@@ -15,6 +15,8 @@ pub struct Readback {
     state: Mutex<State>,
     pub(crate) engine: Arc<Engine>,
 }
+
+handle!(DmReadback for Readback);
 
 struct State {
     readback: PoseReadback,

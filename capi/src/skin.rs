@@ -1,15 +1,17 @@
 //! Skinned poses.
 
 use crate::arguments::{built, check_reserved, or};
-use crate::attached::{self, check_buffer};
+use crate::attached::{self, Attached, check_buffer};
 use crate::crowd::with;
-use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, Handle};
+use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, Handle, handle};
 use crate::memory::{Place, Versioned, read, slice};
 use crate::numbers::skin_method;
 use crate::result::{DmResult, Result, enter};
 use crate::structs::{DmSkinDesc, DmSkinTarget, DmSkinnedView};
-use deltamorph::after::{SkinDesc, SkinTarget};
+use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk::{self, Handle as _};
+
+handle!(DmSkin for Attached<GpuSkin>);
 
 /// Make a buffer of the joints and weights of a mesh's vertices, and record its upload: once for each mesh, whatever
 /// the number of crowds and instances.

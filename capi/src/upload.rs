@@ -2,7 +2,7 @@
 
 use crate::arguments::check_command_buffer;
 use crate::engine::Engine;
-use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle};
+use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle, handle};
 use crate::memory::check_place;
 use crate::result::{DmResult, enter, lock};
 use deltamorph::ash::vk;
@@ -13,6 +13,8 @@ pub struct GpuMesh {
     pub(crate) mesh: Mutex<deltamorph::GpuMesh>,
     pub(crate) engine: Arc<Engine>,
 }
+
+handle!(DmGpuMesh for GpuMesh);
 
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
 ///

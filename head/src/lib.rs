@@ -20,14 +20,15 @@ mod parts;
 mod random;
 mod rows;
 mod shape;
+mod spot;
 mod targets;
 
 pub use clip::head_clip;
 use deltamorph::MorphSource;
 use deltamorph::glam::{Vec2, Vec3};
 use deltamorph::mesh::{Corner, Faces};
-use mesh::{Part, Spot};
 pub use random::Rng;
+use spot::{Part, Spot};
 
 /// Description of the built-in head. The same description gives the same head on every machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,7 +110,7 @@ fn few(vertices: usize) -> (Vec<Spot>, MorphSource) {
     let sizes = if vertices < 3 { vec![] } else { vec![vertices as u32] };
     let corners = sizes.iter().flat_map(|&n| 0..n).map(|i| Corner { position: i, texcoord: Some(i) }).collect();
     (
-        vec![Spot::skin(0.0, 10.0); vertices],
+        vec![mesh::on_skin(0.0, 10.0); vertices],
         MorphSource { positions, texcoords, faces: Faces { sizes, corners }, ..Default::default() },
     )
 }

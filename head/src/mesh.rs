@@ -1,96 +1,17 @@
 //! The net: rows of vertices from crown to neck that open at eyes, ears and mouth, rings of vertices behind these
 //! openings, and closed surfaces for eyeballs, teeth and tongue.
 
+use super::parts;
 use super::rows::rows;
-use super::shape::{self, SECTIONS, section};
-use super::{EYE, HALF_MOUTH, parts};
-use deltamorph::glam::{Vec2, Vec3};
+use super::shape::{SECTIONS, section};
+use super::spot::{Part, Slit, Spot};
+use deltamorph::glam::Vec2;
 use deltamorph::mesh::{Corner, Faces};
 use std::f32::consts::PI;
 
-/// The part that a vertex belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
-    Skin,
-    Eye,
-    UpperTeeth,
-    LowerTeeth,
-    Tongue,
-}
-
-/// An opening of the skin, along which a row has a lower and an upper side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Slit {
-    Eye,
-    Ear,
-    Mouth,
-}
-
-impl Slit {
-    /// Returns the section along which it lies.
-    pub(super) const fn row(self) -> f32 {
-        match self {
-            Self::Eye => 7.0,
-            Self::Ear => 8.0,
-            Self::Mouth => 11.0,
-        }
-    }
-
-    /// Returns its corners, as angles from the front, the one further back first. The mouth has one on each side.
-    pub(super) fn corners(self) -> Vec<f32> {
-        let at = |x: f32| angle_of(|p| p.x - x, self.row(), 0.5 * PI);
-        match self {
-            Self::Eye => vec![at(EYE.x + shape::HALF_EYE), at(EYE.x - shape::HALF_EYE)],
-            Self::Ear => {
-                [-1.0, 1.0].map(|c| angle_of(|p| shape::EAR[1] + c * shape::EAR[3] - p.z, self.row(), PI)).to_vec()
-            }
-            Self::Mouth => vec![at(HALF_MOUTH)],
-        }
-    }
-
-    /// Returns the number of rings behind an opening with `around` vertices at its edge.
-    pub(super) fn rings(self, around: usize) -> usize {
-        match self {
-            Self::Eye => (around / 3).clamp(2, 10),
-            Self::Ear => (around / 2).max(2),
-            Self::Mouth => (around / 6).max(3),
-        }
-    }
-}
-
-/// Returns the angle from the front, below `end`, at which `passed` is 0 along a row.
-fn angle_of(passed: impl Fn(Vec3) -> f32, row: f32, end: f32) -> f32 {
-    let (mut low, mut high) = (0.0, end);
-    for _ in 0..24 {
-        let middle = 0.5 * (low + high);
-        if passed(shape::plain(middle, row).0) < 0.0 { low = middle } else { high = middle }
-    }
-    high
-}
-
-/// Position of a vertex in the net.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Spot {
-    pub part: Part,
-    /// It is on the head's right side; all other fields describe its mirror image.
-    pub mirrored: bool,
-    /// Skin: the angle from the front. Other parts: the position around the axis.
-    pub a: f32,
-    /// Skin: the position among the sections. Other parts: the position along the axis.
-    pub t: f32,
-    /// The height of its section, before eyes and ears displace rows.
-    pub height: f32,
-    /// It is on or behind the lower edge of an opening.
-    pub lower: bool,
-    /// The opening that it lies behind, and the depth, in (0, 1].
-    pub behind: Option<(Slit, f32)>,
-}
-
-impl Spot {
-    /// Returns a spot on the outside of the skin.
-    pub(super) fn skin(a: f32, t: f32) -> Self {
-        Self { part: Part::Skin, mirrored: false, a, t, height: section(t)[0], lower: false, behind: None }
-    }
+/// Returns a spot on the outside of the skin.
+pub(super) fn on_skin(a: f32, t: f32) -> Spot {
+    Spot { part: Part::Skin, mirrored: false, a, t, height: section(t)[0], lower: false, behind: None }
 }
 
 /// Vertices, texture coordinates and faces, without positions.
@@ -138,11 +59,10 @@ impl Net {
     }
 
     fn skin(&mut self, vertices: usize, features: bool) {
-        let spot = |a: f32, t: f32| Spot::skin(a, t);
         let (top, bottom) = (SECTIONS[0][0], SECTIONS[SECTIONS.len() - 1][0]);
         // The lowest part of the texture is for the surfaces behind the openings.
         let v = |t: f32| 0.25 + 0.75 * ((section(t)[0] - bottom) / (top - bottom)).max(0.0);
-        let mut above = self.pole(spot(0.0, 0.0), 0.5, v(0.0));
+        let mut above = self.pole(on_skin(0.0, 0.0), 0.5, v(0.0));
         let mut strip = 0;
         for row in rows(vertices, features) {
             let n = row.count;
@@ -155,7 +75,7 @@ impl Net {
                 let vertex = if i == n {
                     upper[0].0
                 } else {
-                    self.vertex(Spot { mirrored: 2 * i < n, ..spot(PI * (1.0 - x), row.t) })
+                    self.vertex(Spot { mirrored: 2 * i < n, ..on_skin(PI * (1.0 - x), row.t) })
                 };
                 upper.push((vertex, texcoord, place));
             }
@@ -174,7 +94,7 @@ impl Net {
             above = Thread(lower);
         }
         let last = (SECTIONS.len() - 1) as f32;
-        let end = self.pole(spot(0.0, last), 0.5, v(last));
+        let end = self.pole(on_skin(0.0, last), 0.5, v(last));
         self.sew(&above, &end, false);
     }
 

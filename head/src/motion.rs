@@ -1,8 +1,8 @@
 //! Motions of the head by parts of targets, described for the head's left side (+X) or its middle; points on the right
 //! are mirrored before and after.
 
-use super::mesh::{Part, Slit, Spot};
 use super::shape::{LID_RADIUS, Lids};
+use super::spot::{Part, Slit, Spot};
 use super::{EYE, EYE_RADIUS, HALF_MOUTH, MOUTH_HEIGHT, TONGUE_HEIGHT, cos, mix, place, sin, smoothstep};
 use deltamorph::glam::Vec3;
 

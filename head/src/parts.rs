@@ -1,6 +1,6 @@
 //! Eyeballs, teeth and tongue: separate closed surfaces.
 
-use super::mesh::Part;
+use super::spot::Part;
 use super::{EYE, EYE_RADIUS, MOUTH_HEIGHT, TONGUE_HEIGHT, cos, mix, sin, smoothstep};
 use deltamorph::glam::Vec3;
 

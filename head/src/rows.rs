@@ -1,8 +1,9 @@
 //! The rows of the skin: their number and positions, the vertices of each, and the openings.
 
-use super::mesh::Slit;
 use super::shape::{self, SECTIONS, section};
-use super::smoothstep;
+use super::spot::Slit;
+use super::{EYE, HALF_MOUTH, smoothstep};
+use deltamorph::glam::Vec3;
 use std::f32::consts::PI;
 
 const SLITS: [Slit; 3] = [Slit::Eye, Slit::Ear, Slit::Mouth];
@@ -96,6 +97,29 @@ fn half_row(t: f32) -> Gauge {
     })
 }
 
+/// Returns the corners of an opening, as angles from the front, the one further back first. The mouth has one on each
+/// side.
+fn corners(slit: Slit) -> Vec<f32> {
+    let at = |x: f32| angle_of(|p| p.x - x, slit.row(), 0.5 * PI);
+    match slit {
+        Slit::Eye => vec![at(EYE.x + shape::HALF_EYE), at(EYE.x - shape::HALF_EYE)],
+        Slit::Ear => {
+            [-1.0, 1.0].map(|c| angle_of(|p| shape::EAR[1] + c * shape::EAR[3] - p.z, slit.row(), PI)).to_vec()
+        }
+        Slit::Mouth => vec![at(HALF_MOUTH)],
+    }
+}
+
+/// Returns the angle from the front, below `end`, at which `passed` is 0 along a row.
+fn angle_of(passed: impl Fn(Vec3) -> f32, row: f32, end: f32) -> f32 {
+    let (mut low, mut high) = (0.0, end);
+    for _ in 0..24 {
+        let middle = 0.5 * (low + high);
+        if passed(shape::plain(middle, row).0) < 0.0 { low = middle } else { high = middle }
+    }
+    high
+}
+
 /// An opening in a row of vertices: the first and the last index.
 pub(super) type Span = (Slit, usize, usize);
 
@@ -112,7 +136,7 @@ pub(super) struct Row {
 
 impl Row {
     fn pins(&self) -> Vec<f32> {
-        self.slit.map_or_else(Vec::new, |slit| slit.corners().iter().map(|a| 1.0 - a / PI).collect())
+        self.slit.map_or_else(Vec::new, |slit| corners(slit).iter().map(|a| 1.0 - a / PI).collect())
     }
 
     /// Returns the position of each vertex between back (0) and front (1), up to the one in front.

@@ -1,7 +1,7 @@
 //! The skin of the head: sections stacked along a profile, the features of a face pushed out of them, and the surfaces
 //! behind its openings: the linings of eye sockets and mouth, the shells of the ears. Lengths in cm.
 
-use super::mesh::{Slit, Spot};
+use super::spot::{Slit, Spot};
 use super::{EYE, EYE_RADIUS, HALF_MOUTH, MOUTH_HEIGHT, cos, mix, sin, smoothstep};
 use deltamorph::glam::{Vec2, Vec3};
 

@@ -1,8 +1,8 @@
 //! The targets: the 52 ARKit expressions, then bumps at random places.
 
-use super::mesh::{Part, Slit, Spot};
 use super::motion::Motion::{self, Jaw, Look, Puff, Purse, Shift, Tongue};
 use super::motion::{Lip, Lobe, clear_of_eyes};
+use super::spot::{Part, Slit, Spot};
 use super::{HeadDesc, Rng};
 use deltamorph::glam::Vec3;
 use deltamorph::mesh::SourceTarget;

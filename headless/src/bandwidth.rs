@@ -1,7 +1,7 @@
 //! The bandwidth of the device's memory, the ceiling that measured rows are compared with.
 
 use super::Headless;
-use super::submit::full_barrier;
+use super::wait::full_barrier;
 use deltamorph::Result;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::READ;

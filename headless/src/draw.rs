@@ -1,7 +1,8 @@
 //! Draws that read poses: those of a crowd, and those of the path `cpu`, uploaded from main memory.
 
 use super::Headless;
-use super::submit::{Readback, full_barrier};
+use super::submit::Readback;
+use super::wait::full_barrier;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::{CONSUME, CONSUME_POSITION};
 use deltamorph::internals::gpu::device::Device;

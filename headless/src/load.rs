@@ -2,7 +2,7 @@
 
 use super::Headless;
 use super::bandwidth::Reading;
-use super::submit::full_barrier;
+use super::wait::full_barrier;
 use deltamorph::Result;
 use deltamorph::ash::vk;
 use std::cell::Cell;

@@ -1,7 +1,7 @@
 //! Record, submit, wait: one command buffer, one fence, three timestamps; and readback of buffers.
 
 use super::load::Load;
-use super::wait::wait_idle;
+use super::wait::{full_barrier, wait_idle};
 use deltamorph::ash::{self, vk};
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::memory::Buffer;
@@ -222,14 +222,4 @@ impl Readback {
         }
         Ok(words)
     }
-}
-
-/// Records a global memory barrier from all earlier commands to the stages `next`.
-pub(super) fn full_barrier(device: &ash::Device, cmd: vk::CommandBuffer, next: vk::PipelineStageFlags) {
-    let memory = [vk::MemoryBarrier::default()
-        .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
-        .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];
-    let (all, none) = (vk::PipelineStageFlags::ALL_COMMANDS, vk::DependencyFlags::empty());
-    // SAFETY: all callers are in this folder, and pass a buffer that is recording outside a render pass.
-    unsafe { device.cmd_pipeline_barrier(cmd, all, next, none, &memory, &[], &[]) };
 }

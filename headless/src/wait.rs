@@ -1,4 +1,4 @@
-//! Waiting for a device whose waits may fail.
+//! Waiting: a barrier between all commands, and for a device whose waits may fail.
 
 use deltamorph::ash::{self, vk};
 use std::time::Duration;
@@ -31,6 +31,16 @@ fn again(mut wait: impl FnMut() -> Result<(), vk::Result>, pause: Duration) -> R
         waited = wait();
     }
     waited
+}
+
+/// Records a global memory barrier from all earlier commands to the stages `next`.
+pub(super) fn full_barrier(device: &ash::Device, cmd: vk::CommandBuffer, next: vk::PipelineStageFlags) {
+    let memory = [vk::MemoryBarrier::default()
+        .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
+        .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];
+    let (all, none) = (vk::PipelineStageFlags::ALL_COMMANDS, vk::DependencyFlags::empty());
+    // SAFETY: all callers are in this folder, and pass a buffer that is recording outside a render pass.
+    unsafe { device.cmd_pipeline_barrier(cmd, all, next, none, &memory, &[], &[]) };
 }
 
 #[cfg(test)]

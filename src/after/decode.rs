@@ -9,7 +9,7 @@ use super::steps::After;
 use crate::abi::modules::DECODE;
 use crate::abi::push::DecodePush;
 use crate::error::Result;
-use crate::plan::after::Kind;
+use crate::plan::steps::PostMorphPass;
 use ash::vk;
 
 /// Output of float32 positions of an instance; see
@@ -59,7 +59,7 @@ impl Decode {
         }
         place.check("decoding")?;
         output.check("a decode target", layout, place.device)?;
-        after.set(place, Kind::Decode, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
+        after.set(place, PostMorphPass::Decode, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let [units, offset] = place.scale();
             let (decoded, decoded_at) = output.range(layout);
             let bound = |frame| [place.poses(), lists.range(u64::from(frame)), decoded];

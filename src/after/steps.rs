@@ -5,9 +5,9 @@ use super::step::{AfterStep, Job, TargetContext};
 use crate::abi::numbers::PIECE;
 use crate::error::Result;
 use crate::gpu::memory::Ring;
-use crate::plan::after::Kind;
 use crate::plan::earlier::Earlier;
 use crate::plan::instances::{Instances, OutputChange};
+use crate::plan::steps::PostMorphPass;
 use crate::plan::steps::{Owner, Resource, Source, Steps, Use, Work};
 use crate::update::technique::{Technique, UpdateId};
 use ash::vk;
@@ -16,7 +16,7 @@ use std::ops::Range;
 
 /// The target of a step for an instance, and the state of its output.
 struct Target {
-    kind: Kind,
+    kind: PostMorphPass,
     instance: u32,
     step: Box<dyn AfterStep>,
     /// Ring of lists of changed pieces, for the kernels.
@@ -61,7 +61,7 @@ impl After {
     pub(super) fn set<F: AfterStep>(
         &mut self,
         place: &TargetContext<'_>,
-        kind: Kind,
+        kind: PostMorphPass,
         outputs: usize,
         usage: vk::BufferUsageFlags,
         make: impl FnOnce(&Ring) -> Result<F>,
@@ -94,19 +94,22 @@ impl After {
         Ok(())
     }
 
-    pub fn unset(&mut self, kind: Kind, instance: u32) {
+    pub fn unset(&mut self, kind: PostMorphPass, instance: u32) {
         self.targets.retain(|target| (target.kind, target.instance) != (kind, instance));
     }
 
     pub fn outputs(&self) -> impl Iterator<Item = Resource> {
-        Kind::ALL.into_iter().filter(|kind| self.targets.iter().any(|target| target.kind == *kind)).map(Kind::output)
+        PostMorphPass::ALL
+            .into_iter()
+            .filter(|kind| self.targets.iter().any(|target| target.kind == *kind))
+            .map(PostMorphPass::output)
     }
 
     fn of(&mut self, instance: u32) -> impl Iterator<Item = &mut Target> {
         self.targets.iter_mut().filter(move |target| target.instance == instance)
     }
 
-    pub(super) fn get_mut<F: AfterStep>(&mut self, kind: Kind, instance: u32) -> Option<&mut F> {
+    pub(super) fn get_mut<F: AfterStep>(&mut self, kind: PostMorphPass, instance: u32) -> Option<&mut F> {
         let target = self.of(instance).find(|target| target.kind == kind && !target.is_removed)?;
         let any: &mut dyn Any = &mut *target.step;
         any.downcast_mut()
@@ -114,7 +117,11 @@ impl After {
 
     /// The step of a target with valid output, the buffer written last, and the one with the output before the last
     /// update.
-    pub(super) fn written<F: AfterStep>(&self, kind: Kind, instance: u32) -> Option<(&F, usize, Option<usize>)> {
+    pub(super) fn written<F: AfterStep>(
+        &self,
+        kind: PostMorphPass,
+        instance: u32,
+    ) -> Option<(&F, usize, Option<usize>)> {
         let target = self.targets.iter().find(|target| (target.kind, target.instance) == (kind, instance))?;
         let any: &dyn Any = &*target.step;
         Some((any.downcast_ref()?, target.output, target.previous))
@@ -170,7 +177,7 @@ impl After {
         }
         // If no pose changes: steps without works, for barriers after the earlier update.
         let mut earlier = if steps.is_empty() { wrote } else { &[] };
-        for kind in Kind::ALL {
+        for kind in PostMorphPass::ALL {
             let of_kind = targets.iter().filter(|t| t.kind == kind);
             let planned = || of_kind.clone().filter_map(|target| Some((target, target.planned?)));
             if planned().next().is_none() {
@@ -193,7 +200,7 @@ impl After {
     ///
     /// # Safety
     /// See [`AfterStep::record`].
-    pub unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: Kind, work: &Work) {
+    pub unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: PostMorphPass, work: &Work) {
         let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance));
         let (Some(target), Source::Slot(slot)) = (target, work.source) else { return };
         let output = work.destination as usize;

@@ -6,7 +6,7 @@ use crate::abi::steps::after_steps;
 use crate::after::*;
 use crate::error::Result;
 use crate::pack::PackedMesh;
-use crate::plan::after::Kind;
+use crate::plan::steps::PostMorphPass;
 use ash::vk;
 
 impl MorphEngine {
@@ -110,7 +110,7 @@ macro_rules! target_setters {
                 crowd.set_after(&self.kernels, instance, |after, place| match target {
                     Some(target) => crate::after::$module::$step::set(after, place, target),
                     None => {
-                        after.unset(Kind::$kind, instance);
+                        after.unset(PostMorphPass::$kind, instance);
                         Ok(())
                     }
                 })

@@ -1,7 +1,6 @@
 //! Descriptor sets and their pool.
 
 use super::device::Device;
-use super::pipelines::Objects;
 use crate::abi::kernels::{Binding, Buffer};
 use crate::error::{Error, Result, ensure, refuse};
 use ash::vk;
@@ -56,9 +55,13 @@ pub struct Sets {
 }
 
 impl Sets {
-    /// See [`Objects::sets`].
-    pub(super) fn new(objects: &Objects, bound: &[impl AsRef<[BufferRange]>]) -> Result<Self> {
-        let Objects { device, bindings, kernel, set_layout, .. } = objects;
+    /// Makes sets of the layout that `kernel` declares with these `bindings`: one for each element of `bound`, which has
+    /// a range for each binding.
+    pub(super) fn new(
+        device: &Arc<Device>,
+        (kernel, bindings, set_layout): (&str, &[Binding], vk::DescriptorSetLayout),
+        bound: &[impl AsRef<[BufferRange]>],
+    ) -> Result<Self> {
         let descriptor_count = bound.len() as u32;
         let size = |&(_, buffer): &Binding| vk::DescriptorPoolSize { ty: descriptor_type(buffer), descriptor_count };
         let sizes: Vec<_> = bindings.iter().map(size).collect();
@@ -67,7 +70,7 @@ impl Sets {
         let pool = unsafe { device.raw.create_descriptor_pool(&info, None) }
             .map_err(Error::vulkan("vkCreateDescriptorPool"))?;
         let mut sets = Self { device: device.clone(), pool, views: vec![], sets: vec![] };
-        let layouts = vec![*set_layout; bound.len()];
+        let layouts = vec![set_layout; bound.len()];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: pool and layout are ours; the pool has room for as many.
         sets.sets =

@@ -15,10 +15,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct Objects {
     /// The device of the objects.
     pub device: Arc<Device>,
-    pub(super) bindings: Vec<Binding>,
+    bindings: Vec<Binding>,
     /// The kernel, or the first of several.
-    pub(super) kernel: &'static str,
-    pub(super) set_layout: vk::DescriptorSetLayout,
+    kernel: &'static str,
+    set_layout: vk::DescriptorSetLayout,
     /// Of all pipelines.
     pub layout: vk::PipelineLayout,
     /// The render pass of vertex passes and draws.
@@ -82,7 +82,7 @@ impl Objects {
 
     /// Makes a descriptor set for each list of buffers, which are in the order of the kernels' bindings.
     pub fn sets(&self, bound: &[impl AsRef<[BufferRange]>]) -> Result<Sets> {
-        Sets::new(self, bound)
+        Sets::new(&self.device, (self.kernel, &self.bindings, self.set_layout), bound)
     }
 
     /// Makes a render pass without attachments and its framebuffer, which suffice for rasterizer discard in core Vulkan

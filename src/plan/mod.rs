@@ -3,7 +3,6 @@
 //! Pure data, no Vulkan calls. A [technique](crate::update) turns requested weights into [`steps`]; [`schedule`]
 //! derives the barriers. The hazard checker of the tests (tests/common/hazards.rs) proves that every access is ordered.
 
-pub mod after;
 pub mod bounds;
 mod desc;
 pub(crate) mod earlier;

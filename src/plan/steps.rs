@@ -7,7 +7,6 @@
 //! A use names a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time for any
 //! number of instances. The hazard checker tracks every instance and slot.
 
-use super::after::Kind;
 use crate::abi::steps::after_steps;
 use ash::vk::{AccessFlags as A, PipelineStageFlags as S};
 use std::ops::{BitOr, Range};
@@ -259,6 +258,48 @@ impl Default for Consumers {
     }
 }
 
+macro_rules! passes {
+    (() $(
+        $(#[doc = $doc:literal])*
+        $kind:ident $module:ident::$step:ident $face:tt ($set:ident: $target:ty) {
+            [$($read:ident),*] => $written:ident, $push:ident $members:tt $rows:tt
+        }
+    )*) => {
+        /// Post-morph passes, in recording order.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum PostMorphPass {
+            $(#[doc = concat!("The pass that `", stringify!($set), "` requests.")] $kind,)*
+        }
+
+        impl PostMorphPass {
+            /// Every pass.
+            pub const ALL: [Self; [$(Self::$kind),*].len()] = [$(Self::$kind),*];
+
+            /// Its name.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => stringify!($module),)*
+                }
+            }
+
+            /// The memory uses of its dispatch.
+            pub const fn uses(self) -> &'static [Use] {
+                match self {
+                    $(Self::$kind => const { &[$(Use::read(Resource::$read),)* Use::write(Resource::$written)] },)*
+                }
+            }
+
+            /// The output that the application reads.
+            pub fn output(self) -> Resource {
+                match self {
+                    $(Self::$kind => Resource::$written,)*
+                }
+            }
+        }
+    };
+}
+after_steps!(passes());
+
 /// The source pose of a work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Source {
@@ -276,7 +317,7 @@ pub enum Owner {
     #[default]
     Technique,
     /// A step after the pose.
-    Step(Kind),
+    Step(PostMorphPass),
 }
 
 /// A dispatch or draw of a step. Its owner defines the numbers.

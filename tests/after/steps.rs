@@ -8,8 +8,8 @@ use crate::offscreen::Offscreen;
 use crate::written::Written;
 use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::internals::plan::after::Kind;
 use deltamorph::internals::plan::schedule::asset_uploaded;
+use deltamorph::internals::plan::steps::PostMorphPass;
 use deltamorph::reference::{self, compare};
 use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, Consumers, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, MorphMesh,
@@ -118,7 +118,7 @@ struct Rig<'a> {
 impl<'a> Rig<'a> {
     /// Makes one of two targets of a step, which differ in all options.
     fn new(
-        kind: Kind,
+        kind: PostMorphPass,
         which: usize,
         headless: &'a Headless,
         host: &'a Offscreen<'a>,
@@ -130,13 +130,13 @@ impl<'a> Rig<'a> {
         let (offset, stride, normals) = place;
         let (mut skinned, mut surface) = (None, None);
         let (target, outputs) = match kind {
-            Kind::Decode => {
+            PostMorphPass::Decode => {
                 let (offset, stride, normals) = if which == 0 { (0, 12, None) } else { place };
                 let output = written((offset, stride, normals));
                 let target = DecodeTarget { offset, stride, normals, ..DecodeTarget::new(output.buffer) };
                 (Target::Decode(target), vec![output])
             }
-            Kind::Skin => {
+            PostMorphPass::Skin => {
                 let method = [SkinMethod::Linear, SkinMethod::DualQuaternion][which];
                 let few = (mesh.layout().format == DeltaFormat::Fast) == (which == 0);
                 let per_vertex = if few { 4 } else { 8 };
@@ -165,7 +165,7 @@ impl<'a> Rig<'a> {
                 skinned = Some(Skinned { skin, per_vertex, influences, method, joints, before: vec![] });
                 (Target::Skin(target), outputs)
             }
-            Kind::Normals => {
+            PostMorphPass::Normals => {
                 let corners = corners(source);
                 let desc =
                     NormalsDesc { sizes: &source.faces.sizes, welds: &source.welds, ..NormalsDesc::new(&corners) };
@@ -322,7 +322,7 @@ fn each_writes_the_reference_and_only_what_changed() {
     gpu::on_every_driver(|headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         for (kind, (format, update)) in
-            Kind::ALL.into_iter().flat_map(|k| gpu::updates(headless).into_iter().map(move |u| (k, u)))
+            PostMorphPass::ALL.into_iter().flat_map(|k| gpu::updates(headless).into_iter().map(move |u| (k, u)))
         {
             let mesh = Arc::new(gpu::packed(engine, &source, format));
             let vertices = mesh.layout().vertex_count;
@@ -406,7 +406,7 @@ fn each_follows_heads_that_play_clips() {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         let mesh = Arc::new(gpu::packed(engine, &source, DeltaFormat::Fast));
         for (kind, pose) in
-            Kind::ALL.into_iter().flat_map(|k| [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|p| (k, p)))
+            PostMorphPass::ALL.into_iter().flat_map(|k| [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|p| (k, p)))
         {
             let desc = CrowdDesc { instances: 9, ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() }) };
             let animation = AnimationDesc::new(&clips);
@@ -440,11 +440,11 @@ fn a_missing_barrier_around_each_is_found() {
     let source = mesh();
     gpu::on_every_device(|headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        for (kind, which) in Kind::ALL.into_iter().flat_map(|kind| [0, 1].map(|which| (kind, which))) {
+        for (kind, which) in PostMorphPass::ALL.into_iter().flat_map(|kind| [0, 1].map(|which| (kind, which))) {
             // The step that reads all kinds of poses is tested with each.
             let updates = match kind {
-                Kind::Decode => gpu::updates(headless),
-                Kind::Skin | Kind::Normals => vec![(DeltaFormat::Fast, UpdateDesc::blocks())],
+                PostMorphPass::Decode => gpu::updates(headless),
+                PostMorphPass::Skin | PostMorphPass::Normals => vec![(DeltaFormat::Fast, UpdateDesc::blocks())],
             };
             for (format, update) in updates {
                 let mesh = Arc::new(gpu::packed(engine, &source, format));
@@ -498,7 +498,7 @@ fn targets_that_do_not_fit_are_refused() {
     gpu::on_every_device(|headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         let mesh = Arc::new(gpu::packed(engine, &source, DeltaFormat::Fast));
-        for kind in Kind::ALL {
+        for kind in PostMorphPass::ALL {
             let mut rig = Rig::new(kind, 1, headless, &host, (&source, &mesh));
             let (fours, smaller) = ("multiples of 4", "use a smaller stride");
             let refused = match &mut rig.target {

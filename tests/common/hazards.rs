@@ -9,8 +9,8 @@
 
 #![allow(dead_code, reason = "each program uses some of it")]
 
-use deltamorph::internals::plan::after::Kind;
 use deltamorph::internals::plan::schedule::{Barrier, Entry};
+use deltamorph::internals::plan::steps::PostMorphPass;
 use deltamorph::internals::plan::steps::{Access, Owner, Resource, Scope, Source, Stage, Use, Work};
 use deltamorph::internals::update::animated::{Animated, AnimatedKernel};
 use deltamorph::internals::update::blocks::{BlocksTechnique, Item};
@@ -168,7 +168,7 @@ pub fn animated(work: &Work, instances: u32) -> Accesses {
 }
 
 /// A step after the pose.
-fn after(kind: Kind, work: &Work) -> Accesses {
+fn after(kind: PostMorphPass, work: &Work) -> Accesses {
     let instance = work.instance;
     let Source::Slot(slot) = work.source else { panic!("steps after the pose read a slot") };
     // Of the asset, steps read only the base pose.

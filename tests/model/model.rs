@@ -41,11 +41,6 @@ mod turn {
 }
 
 /// The items of the C API that the handles need.
-mod kinds {
-    pub const KINDS: &[&str] = &["", "an object", "another"];
-}
-
-/// The items of the C API that the handles need.
 mod result {
     #[derive(Debug)]
     pub struct Failure;

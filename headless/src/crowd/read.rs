@@ -1,7 +1,7 @@
 //! Readback of poses, sums and GPU plans.
 
 use super::HeadlessCrowd;
-use crate::submit::full_barrier;
+use crate::wait::full_barrier;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::push::AnimationPush;
 use deltamorph::{AnimatedCrowd, AnyCrowd, PoseView, Result};

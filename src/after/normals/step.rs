@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
 use crate::pack::PackedMesh;
-use crate::plan::after::Kind;
+use crate::plan::steps::PostMorphPass;
 use ash::vk;
 use std::sync::Arc;
 
@@ -101,7 +101,7 @@ impl Recomputed {
         let output = Output { buffer, offset, stride, second: None };
         place.check("normals of")?;
         output.check("a normals target", layout, place.device)?;
-        after.set(place, Kind::Normals, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
+        after.set(place, PostMorphPass::Normals, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let (range, normals_at) = output.range(layout);
             let bound = |frame| [place.poses(), surface.attached.range(), lists.range(u64::from(frame)), range];
             let bound: Vec<_> = (0..place.frames).map(bound).collect();

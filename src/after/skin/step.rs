@@ -14,7 +14,7 @@ use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
 use crate::gpu::pipelines::{Objects, PipelineKey};
 use crate::pack::{DeltaFormat, PackedMesh};
-use crate::plan::after::Kind;
+use crate::plan::steps::PostMorphPass;
 use ash::vk;
 use std::sync::Arc;
 
@@ -172,7 +172,7 @@ impl Skin {
         let joints = BufferRange::new(target.joints, 0, target.joints_bytes);
         joints.check_room(place.device, "the range of joints of a skin target")?;
         let outputs = target.outputs().count();
-        after.set(place, Kind::Skin, outputs, vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
+        after.set(place, PostMorphPass::Skin, outputs, vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
             let bound = |frame| {
                 let list = BufferRange { size: 4 * pieces, ..lists.range(frame) };
                 target
@@ -210,7 +210,7 @@ impl Skin {
     /// An instance without a skin target; an invalid offset.
     pub fn set_joints(after: &mut After, instance: u32, offset: u64) -> Result<()> {
         let none = || Error::invalid(format!("instance {instance} is not skinned"), "set a skin target first");
-        let skin: &mut Self = after.get_mut(Kind::Skin, instance).ok_or_else(none)?;
+        let skin: &mut Self = after.get_mut(PostMorphPass::Skin, instance).ok_or_else(none)?;
         check_joints(offset, skin.bound.kernel.key.1, skin.joint_count, skin.joints_bytes)?;
         (skin.push.joints_at, skin.is_changed) = ((offset / 16) as u32, true);
         Ok(())
@@ -225,7 +225,7 @@ impl Skin {
             let text = format!("instance {instance} has no skinned pose");
             Error::invalid(text, "set a skin target, and record an update")
         };
-        let (skin, current, previous) = after.written::<Self>(Kind::Skin, instance).ok_or_else(none)?;
+        let (skin, current, previous) = after.written::<Self>(PostMorphPass::Skin, instance).ok_or_else(none)?;
         let place = |output: usize| (skin.places[output].0.buffer, skin.places[output].0.offset);
         Ok(SkinnedView { current: place(current), previous: previous.map(place) })
     }
