@@ -19,10 +19,10 @@ use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
 
 /// Headings of options that several commands have.
-const READ: &str = "What is read";
+const READ: &str = "Reading";
 const HEAD: &str = "The built-in head";
-const POSES: &str = "How poses are updated";
-const PACKED: &str = "How deltas are packed";
+const POSES: &str = "Updating poses";
+const PACKED: &str = "Packing deltas";
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
 #[derive(Debug, Parser)]
@@ -34,7 +34,7 @@ pub struct Cli {
     pub command: Command,
 }
 
-/// The words of a command line, with the settings of `--set` that a shell has cut at the blanks of a name whole again.
+/// The words of a command line, with the settings of `--set` joined again that a shell has split at the spaces of a name.
 pub fn with_whole_settings(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut all: Vec<OsString> = vec![];
     for word in words {
@@ -54,10 +54,10 @@ pub fn with_whole_settings(words: impl Iterator<Item = OsString>) -> Vec<OsStrin
 #[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Options of every command")]
 pub struct GlobalArgs {
-    /// Vulkan device: its index in `deltamorph devices`, or a part of its name
+    /// Vulkan device: its index in `deltamorph devices`, or part of its name
     #[arg(long, global = true, value_name = "INDEX|NAME", value_parser = values::device)]
     pub device: Option<DeviceChoice>,
-    /// Write the result as JSON to FILE ("-": stdout, which then carries nothing else)
+    /// Write the result as JSON to FILE, or with "-" to stdout, in place of the text
     #[arg(long, global = true, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// Print errors only
@@ -67,36 +67,36 @@ pub struct GlobalArgs {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// List the Vulkan devices and which update paths each of them can run
+    /// List the Vulkan devices, and the update paths that each of them supports
     Devices,
     /// Write the built-in head as a folder of OBJ files with a weight clip
     Sample(SampleArgs),
     /// Pack a mesh into a file that loads without packing again
     Pack(PackFileArgs),
-    /// Describe a mesh: targets, sparsity, overlap, blocks, size and error of each format
+    /// Print the targets, sparsity, overlap and blocks of a mesh, and the size and error of each format
     Info(InfoArgs),
     /// Measure the time per frame of the update paths, and write a report
     Bench(Box<BenchArgs>),
-    /// Play a weight clip, one update per frame: bytes, times and errors
+    /// Play a weight clip, one update per frame, and print bytes, times and errors
     Play(Box<PlayArgs>),
-    /// Measure the drift of poses over any number of random and captured frames
+    /// Measure how poses drift over any number of random and captured frames
     Soak(Box<SoakArgs>),
     /// Write one pose as OBJ
     Apply(Box<ApplyArgs>),
     /// Draw a pose, a crowd or a whole clip as PNG
     Render(Box<RenderArgs>),
-    /// Open a window with a slider for each target, clips, and paths and formats to switch
+    /// Open a window with a slider for each target, and a choice of clips, paths and formats
     #[cfg(feature = "viewer")]
     #[command(after_help = view::HELP)]
     View(Box<view::ViewArgs>),
-    /// Open a window, if the program was built with --features viewer
+    /// Open a window (only if the program was built with --features viewer)
     #[cfg(not(feature = "viewer"))]
     View(NoViewArgs),
-    /// Rank targets by importance, and say what is lost where fewer are kept
+    /// Rank targets by importance, and measure the error if only the first ones are kept
     Lod(Box<LodArgs>),
 }
 
-/// Whatever `view` takes.
+/// All arguments of `view`.
 #[cfg(not(feature = "viewer"))]
 #[derive(Args, Clone, Debug)]
 pub struct NoViewArgs {
@@ -106,12 +106,12 @@ pub struct NoViewArgs {
 
 #[derive(Args, Clone, Debug)]
 pub struct SampleArgs {
-    /// Folder to write; created when missing, refused when not empty
+    /// Folder to write; it is created if it does not exist, and must be empty
     #[arg(value_name = "DIR")]
     pub dir: PathBuf,
     #[command(flatten)]
     pub head: HeadArgs,
-    /// Seed of everything that is random
+    /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// Frames of the weight clip
@@ -126,7 +126,7 @@ pub struct SampleArgs {
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Storage of the deltas: a format in blocks [default: small]
+    /// Delta format, one that stores blocks [default: small]
     #[arg(long, value_name = "FORMAT")]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub format: Option<DeltaFormat>,
@@ -148,13 +148,14 @@ pub struct InfoArgs {
 pub struct RunArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Weight clip: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name [default: that of
-    /// INPUT, where there is just one; soak: all of INPUT; view: the first; apply and pictures of a pose: none]
+    /// Weight clip: a CSV file, an animation of a glTF file as FILE or FILE#NAME, or the name of a clip of INPUT
+    /// [default: the clip of INPUT, if it has exactly one; soak: all clips of INPUT; view: the first; apply and render
+    /// without --clip or --crowd: none]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     #[command(flatten)]
     pub update: UpdateArgs,
-    /// Targets per pass: a number, "max" (the largest that the path allows) or "all"
+    /// Targets per pass: a number, "max" (the most that the path supports) or "all"
     #[arg(help_heading = POSES, long, value_name = "N", value_parser = values::one_batch, default_value = "max")]
     pub batch_size: BatchSpec,
 }
@@ -163,14 +164,14 @@ pub struct RunArgs {
 pub struct PlayArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Compare every Nth pose with the source, evaluated in float64, and the last one
+    /// Compare every Nth pose, and the last one, with the source evaluated in float64
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
     pub every: usize,
-    /// Animate and plan on the device, which samples the clip, finds the changed targets and writes its own work list.
-    /// Needs the path blocks and fixed-point poses, and prints no plan
+    /// Animate on the device: it samples the clip, finds the changed targets and plans the update. Needs the path
+    /// blocks and fixed-point poses; statistics of the plan are not available
     #[arg(long)]
     pub animated: bool,
-    /// Add noise up to ±AMOUNT to every weight in every frame, like that of a face tracker
+    /// Add random noise of up to ±AMOUNT to every weight in every frame, as from a face tracker
     #[arg(long, value_name = "AMOUNT", value_parser = values::positive)]
     pub noise: Option<f32>,
 }
@@ -182,7 +183,7 @@ pub struct SoakArgs {
     /// Number of frames
     #[arg(long, value_name = "N", value_parser = values::whole(1usize, 1_000_000_000))]
     pub frames: usize,
-    /// Compare every Nth pose with the float64 reference, and the last one [default: a 64th of the frames]
+    /// Compare every Nth pose, and the last one, with the float64 reference [default: frames / 64]
     #[arg(long, value_name = "N", value_parser = values::whole(1usize, 1_000_000_000))]
     pub every: Option<usize>,
 }
@@ -201,10 +202,10 @@ pub struct ApplyArgs {
     /// Frame of the weight clip, counted from 0
     #[arg(long, value_name = "N", requires = "weights")]
     pub frame: Option<usize>,
-    /// Step incrementally from this frame of the weight clip to --frame
+    /// Start at this frame of the weight clip, and update incrementally up to --frame
     #[arg(long, value_name = "M", requires = "weights")]
     pub from_frame: Option<usize>,
-    /// Weights by name, on top of the clip's (repeatable)
+    /// Weights by name; they replace those of the clip (repeatable)
     #[arg(long, value_name = "NAME=WEIGHT,…", value_parser = values::settings)]
     pub set: Vec<Vec<(String, f32)>>,
     /// OBJ file to write
@@ -212,29 +213,29 @@ pub struct ApplyArgs {
     pub output: PathBuf,
 }
 
-/// Which mesh, and how much of it is kept.
+/// The mesh, and which of its deltas are kept.
 #[derive(Args, Clone, Debug)]
 pub struct InputArgs {
-    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, a glTF file (*.glb, *.gltf, *.vrm), or a
-    /// packed file (*.dmorph); without it, the built-in head
+    /// A folder with neutral.obj, targets/*.obj and optionally weights/*.csv, a glTF file (*.glb, *.gltf, *.vrm), or a
+    /// packed file (*.dmorph) [default: the built-in head]
     #[arg(value_name = "INPUT", conflicts_with_all = ["vertices", "targets", "sparsity"])]
     pub input: Option<PathBuf>,
     #[command(flatten)]
     pub head: HeadArgs,
-    /// Drop position deltas that are not longer than this fraction of the diagonal: that of the box around the smallest
-    /// group of parts that targets move, which `info` prints. The diagonal is the same in all options and results
+    /// Drop position deltas up to this length, as a fraction of the diagonal. The diagonal is that of the bounding box
+    /// of the smallest group of parts that targets move, here and in all other options and results; `info` prints it
     #[arg(help_heading = READ, long, value_name = "FRACTION", default_value_t = 1e-6)]
     #[arg(value_parser = values::number("a fraction of the diagonal, 0 or more (0 keeps every delta)", |v| v >= 0.0))]
     pub tolerance: f32,
-    /// Frames per second of weight clips [default: what the file name ("…_24fps.csv") or the keys of the animation say,
-    /// else 30]
+    /// Frames per second of weight clips [default: from the file name ("…_24fps.csv") or the keys of the animation,
+    /// otherwise 30]
     #[arg(help_heading = READ, long, value_name = "F", value_parser = values::fps)]
     pub fps: Option<f32>,
-    /// Weights are of whole poses: those that sum to more than 1 are divided by the sum, the base pose gets what
-    /// remains to 1, and negative ones count as 0 (A. Gerdelan, "Animating Blend Shapes")
+    /// Treat targets as absolute poses (A. Gerdelan, "Animating Blend Shapes"): negative weights count as 0, weights
+    /// whose sum exceeds 1 are divided by the sum, and the base pose gets the rest
     #[arg(help_heading = READ, long)]
     pub normalise: bool,
-    /// Seed of everything that is random
+    /// Seed of all random numbers
     #[arg(help_heading = READ, long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 }
@@ -281,34 +282,34 @@ impl HeadArgs {
 /// Options of the commands that update poses.
 #[derive(Args, Clone, Debug)]
 pub struct UpdateArgs {
-    /// Update paths, separated by commas [default: bench: feedback, compute, blocks and cpu; others: blocks, or cpu
-    /// without a GPU]
+    /// Update paths, separated by commas [default: blocks, or cpu without a device; bench: feedback, compute, blocks
+    /// and cpu]
     #[arg(help_heading = POSES, long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
     pub paths: Vec<UpdatePath>,
-    /// Update the last pose, or rebuild from the base pose every frame [default: incremental; scatter and the direct
+    /// Update the last pose, or rebuild each pose from the base pose [default: incremental; scatter and the direct
     /// paths always rebuild]
     #[arg(help_heading = POSES, long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',')]
     #[arg(value_parser = values::mode())]
     pub modes: Vec<UpdateMode>,
-    /// Pose buffers per head; 2 keeps the previous pose for motion vectors
+    /// Pose buffers per instance; 2 keeps the previous pose, for motion vectors
     #[arg(help_heading = POSES, long, value_name = "N", default_value_t = 2, value_parser = values::whole(1u32, 64))]
     pub slots: u32,
-    /// Delta formats, separated by commas [default: bench: all that a path takes; others: fast, or what a .dmorph file
-    /// holds]
+    /// Delta formats, separated by commas [default: fast, or the format of the .dmorph file; bench: all formats that
+    /// the path supports]
     #[arg(help_heading = POSES, long = "formats", visible_alias = "format", value_name = "FORMAT,…")]
     #[arg(value_delimiter = ',', value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub formats: Vec<DeltaFormat>,
-    /// How poses are stored, separated by commas [default: float32; bench --full: float32 and fixed32]
+    /// Pose formats, separated by commas [default: float32; bench --full: float32 and fixed32]
     #[arg(help_heading = POSES, long = "poses", visible_alias = "pose", value_name = "FORMAT,…")]
     #[arg(value_delimiter = ',', value_parser = values::named(&PoseFormat::ALL, PoseFormat::name, PoseFormat::summary))]
     pub poses: Vec<PoseFormat>,
-    /// Bound on errors of float32 poses from rounding, as a fraction of the diagonal, above which a block is evaluated
-    /// in full; where that alone may round more, as of hundreds of active targets, the bound is what it leaves
+    /// Maximum accumulated rounding error of float32 poses, as a fraction of the diagonal. A block that would exceed
+    /// it is rebuilt from the base pose (which alone may exceed it if hundreds of targets are active)
     #[arg(help_heading = POSES, long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub drift: f32,
-    /// Defer changes until they would move a vertex this far (block formats): a length in input units, or a fraction
-    /// of the diagonal such as "1e-4d"
+    /// Defer changes until they add up to this distance (block formats): a length in input units, or a fraction of the
+    /// diagonal, such as "1e-4d"
     #[arg(help_heading = POSES, long, value_name = "LENGTH", value_parser = values::budget)]
     pub error_budget: Option<BudgetSpec>,
     #[command(flatten)]
@@ -318,7 +319,7 @@ pub struct UpdateArgs {
     pub threads: Option<usize>,
 }
 
-/// How meshes are packed into blocks.
+/// Options of packing into blocks.
 #[derive(Args, Clone, Debug)]
 pub struct PackArgs {
     /// Vertices of a block: 32, 64 or 128 [default: 32 for small, else 64]
@@ -330,9 +331,8 @@ pub struct PackArgs {
     /// Largest error of a packed normal at weight 1, in degrees
     #[arg(help_heading = PACKED, long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
     pub normal_error: f32,
-    /// Largest absolute weight that fixed-point poses must hold; a smaller one gives finer steps
-    /// [default: 1 or the largest of the clip in fixed16, rebuilt16, and in fixed32 where steps would be coarse; else 4
-    /// there, or what a .dmorph file was packed with]
+    /// Largest absolute weight that fixed-point poses must support; smaller values give more precision [default: the
+    /// maximum of the clip, at least 1; fixed32: 4 or the value of the .dmorph file, unless its precision is too low]
     #[arg(help_heading = PACKED, long, value_name = "WEIGHT", value_parser = values::positive)]
     pub weight_max: Option<f32>,
 }

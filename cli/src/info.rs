@@ -98,7 +98,7 @@ fn formats(input: &Input, out: &Output) -> Vec<DeltaFormat> {
     }
     let one = input.packed.as_ref().map_or(DeltaFormat::Fast, |packed| packed.layout().format);
     let (deltas, name) = (thousands(deltas), one.name());
-    out.note(format_args!("{deltas} deltas: measured in the format {name} alone; `pack --format` measures others"));
+    out.warn(format_args!("{deltas} deltas: measured in the format {name} alone; `pack --format` measures others"));
     vec![one]
 }
 

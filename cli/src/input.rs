@@ -147,10 +147,10 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
         }
     };
     spinner.finish_and_clear();
-    kept.notes.iter().for_each(|note| out.note(note));
+    kept.notes.iter().for_each(|note| out.warn(note));
     if packed.is_some() {
         let what = "errors are against what it holds; those against the raw files cannot be told";
-        out.note(format_args!("{origin} is packed: {what}"));
+        out.warn(format_args!("{origin} is packed: {what}"));
     }
     Ok(Input {
         name: kept.name.clone(),
@@ -204,7 +204,7 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     }
     let held = input.held(settings)?;
     let bound = input.bind(&clip, &held).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
-    let note = |text: &str| input.out.iter().for_each(|out| out.note(format_args!("clip '{}': {text}", clip.name)));
+    let note = |text: &str| input.out.iter().for_each(|out| out.warn(format_args!("clip '{}': {text}", clip.name)));
     bound.notes.iter().for_each(|text| note(text));
     let most = bound.largest();
     if most >= PERCENT {
@@ -300,7 +300,7 @@ impl Input {
 
     /// What was read; without it a note says why.
     pub fn unless_bad<T>(&self, clip: Result<T, impl Into<Failure>>) -> Option<T> {
-        let note = |why: Failure| self.out.iter().for_each(|out| out.note(format_args!("{why}; left out")));
+        let note = |why: Failure| self.out.iter().for_each(|out| out.warn(format_args!("{why}; left out")));
         clip.map_err(Into::into).map_err(note).ok()
     }
 

@@ -1,4 +1,4 @@
-//! The program's output: results on stdout, notes and progress on stderr.
+//! The program's output: results on stdout, warnings and progress on stderr.
 
 use crate::progress::Progress;
 use crate::table::fitted;
@@ -94,9 +94,9 @@ impl Output {
         self.lost.get().map_or(Ok(()), |kind| Err(Failure::io("stdout".as_ref(), "write", (*kind).into())))
     }
 
-    pub fn note(&self, text: impl fmt::Display) {
+    pub fn warn(&self, text: impl fmt::Display) {
         if !self.quiet {
-            let _ = writeln!(std::io::stderr().lock(), "{}", fitted(&format!("note: {}", Printable(text))));
+            let _ = writeln!(std::io::stderr().lock(), "{}", fitted(&format!("warning: {}", Printable(text))));
         }
     }
 

@@ -23,13 +23,13 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     // Files hold positions relative to 0.
     let origin = input.kept.origin;
     if input.kept.positions.iter().any(|position| *position + origin - origin != *position) {
-        out.note(format_args!("positions of the file are relative to {origin}: it cannot hold them so far from 0"));
+        out.warn(format_args!("positions of the file are relative to {origin}: it cannot hold them so far from 0"));
         Arc::make_mut(&mut input.kept).origin = Vec3::ZERO;
     }
     if let Some(mesh) = &input.packed {
         let lost = sig3(mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position));
         let origin = &input.origin;
-        out.note(format_args!("{origin} lost {lost} in length when it was packed; the error below is on top of that"));
+        out.warn(format_args!("{origin} lost {lost} in length when it was packed; the error below is on top of that"));
     }
     let spinner = out.spinner("packing");
     let desc = PackDesc { blocks: args.pack.desc(), ..PackDesc::new(format) };

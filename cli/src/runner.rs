@@ -35,7 +35,7 @@ pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, 
     }
     if let Some(caps) = gpu.as_ref().map(Gpu::caps).filter(|caps| caps.is_software()) {
         let name = &caps.name;
-        out.note(format_args!("{name} is a software driver: the processor plays the GPU"));
+        out.warn(format_args!("{name} is a software driver: the processor plays the GPU"));
     }
     Ok(gpu)
 }
@@ -44,7 +44,7 @@ pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, 
 fn if_any<T>(opened: deltamorph::Result<T>, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<T>, Failure> {
     match opened {
         Err(error @ Error::NoDevice { .. }) if choice.is_none() => {
-            out.note(error);
+            out.warn(error);
             Ok(None)
         }
         opened => Ok(Some(opened?)),
@@ -413,7 +413,7 @@ pub fn prepare(
     {
         let (pose, by) = (desc.pose.name(), after.units[0] / before.units[0]);
         let steps = if by == 1.0 { String::new() } else { format!(" in steps {by} times as long") };
-        out.note(format_args!("weights up to {largest}: {pose} poses hold them{steps}"));
+        out.warn(format_args!("weights up to {largest}: {pose} poses hold them{steps}"));
     }
     desc.check_for(mesh.layout()).map_err(|e| Failure::Usage(format!("{e}; see --pose and --weight-max")))?;
     Ok((mesh, desc))

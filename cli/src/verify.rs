@@ -430,7 +430,7 @@ impl<'a> Checks<'a> {
         if pose.has_integers() && error_budget == 0.0 && off > FAR_OFF {
             let (name, off) = (pose.name(), sig3(off));
             let finer = if pose == PoseFormat::Fixed16 { "rebuilt16, in as many bytes, or fixed32" } else { "float32" };
-            out.note(format_args!("{name} poses are off by {off} of the diagonal, which is far: try --pose {finer}"));
+            out.warn(format_args!("{name} poses are off by {off} of the diagonal, which is far: try --pose {finer}"));
         }
         let path = self.stage.desc.path.name();
         self.wrong.as_ref().map_or(Ok(()), |(frame, complaint)| {

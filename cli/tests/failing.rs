@@ -172,7 +172,7 @@ fn may_be_absorbed(Fault { call, error, .. }: &Fault) -> bool {
 /// not made.
 fn judge(case: &Case, clean: &Run, run: &Run, fault: &Fault) -> Result<char, String> {
     let said = run.said.trim_end();
-    let last = said.lines().rfind(|line| !line.starts_with("note")).unwrap_or("nothing");
+    let last = said.lines().rfind(|line| !line.starts_with("warning")).unwrap_or("nothing");
     // A crate draws the window's panel; its errors name no call, and it leaks unfinished objects.
     let of_panel = case.name == "view" && said.contains("the panel cannot be drawn: A Vulkan error");
     if let Some(defect) = run.defect().filter(|defect| !(of_panel && *defect == "leaks")) {

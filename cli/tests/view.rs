@@ -45,7 +45,7 @@ impl Display {
 /// Returns its messages, without the remark that the driver is slow.
 fn error_lines(out: &Output) -> String {
     let said = String::from_utf8_lossy(&out.stderr);
-    said.lines().filter(|line| !line.starts_with("note: ")).collect::<Vec<_>>().join("\n")
+    said.lines().filter(|line| !line.starts_with("warning: ")).collect::<Vec<_>>().join("\n")
 }
 
 fn error_of(out: &Output) -> (Option<i32>, String) {

@@ -13,25 +13,25 @@ macro_rules! delta_formats {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
             dense {
-                /// Dense, six float32: 24 bytes per vertex and target.
+                /// Dense, six float32: 24 bytes per vertex and target
                 ///
                 /// Exact. Two vertex attributes per target.
                 Float32 float32 { words: 6, attributes: &[(R32G32B32_SFLOAT, 0), (R32G32B32_SFLOAT, 12)] }
 
-                /// Dense, six signed 16-bit integers: 12 bytes per vertex and target.
+                /// Dense, six signed 16-bit integers: 12 bytes per vertex and target
                 ///
                 /// Three words, one vertex attribute per target. Value = integer × step, with a step for each triple of
                 /// a target: the smallest power of two with which its largest component fits.
                 Snorm16 snorm16 { words: 3, attributes: &[(R32G32B32_UINT, 0)], exponents: true }
             }
             blocks {
-                /// In blocks, 9 bytes per vertex and entry.
+                /// In blocks, 9 bytes per vertex and entry
                 ///
                 /// 15 bits per component in the first triple, 9 in the second, in planes that a kernel reads as three
                 /// words.
                 Fast fast { id: 2 }
 
-                /// In blocks, as few bits as the error allows, for the vertices that move only: the fewest bytes.
+                /// In blocks, only the vertices that move, with the fewest bits that the error allows: the smallest
                 ///
                 /// Bit widths per entry and component.
                 Small small { id: 3 }
@@ -49,19 +49,19 @@ pub(crate) use delta_formats;
 macro_rules! pose_formats {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
-            /// Six float32: 24 bytes per vertex, the pose itself.
+            /// Six float32: 24 bytes per vertex
             ///
             /// Two vertex attributes of three floats, at 0 and 12. Accumulation rounds.
             #[default]
             Float32 float32 { attributes: &[(R32G32B32_SFLOAT, 0), (R32G32B32_SFLOAT, 12)] }
 
-            /// Six signed 32-bit integers: 24 bytes per vertex, the exact pose in units.
+            /// Six signed 32-bit integers: 24 bytes per vertex, fixed point, exact sums
             ///
             /// Value = offset + integer × unit ([`PoseGrid`](crate::packed::PoseGrid)). Two vertex attributes of three
             /// integers, at 0 and 12. Needs deltas in blocks.
             Fixed32 fixed32 { bits: 32, attributes: &[(R32G32B32_SINT, 0), (R32G32B32_SINT, 12)] }
 
-            /// Six signed 16-bit integers: 12 bytes per vertex, the pose in units.
+            /// Six signed 16-bit integers: 12 bytes per vertex, fixed point, each target rounded
             ///
             /// Value = offset + integer × unit ([`PoseGrid`](crate::packed::PoseGrid)). Each target's contribution is
             /// rounded to the unit as a function of its weight alone, so sums are exact and independent of earlier
@@ -69,7 +69,7 @@ macro_rules! pose_formats {
             /// at 8, in formats that every device has. Needs deltas in blocks.
             Fixed16 fixed16 { stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)] }
 
-            /// As fixed16, 12 bytes per vertex, rounded once: for rigs with many overlapping targets.
+            /// Like fixed16, but the sum is rounded once: for rigs with many overlapping targets
             ///
             /// The sum of all targets is rounded to the unit, not each contribution: off by half a unit, however many
             /// targets are active. So a block that a changed target touches is evaluated in full, from the base pose,

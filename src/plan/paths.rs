@@ -113,7 +113,7 @@ update_paths! {
         ///
         /// The first pass reads the current slot and writes the next; the others run in place.
         Compute "compute" { batch: Batch::PushConstants };
-        /// Compute, for the blocks of vertices that a changed target touches, and no others
+        /// Compute, only for the blocks of vertices that changed targets affect
         ///
         /// One workgroup per block. Takes block formats. The default choice on a GPU.
         Blocks "blocks" { formats: &DeltaFormat::BLOCKS, poses: &PoseFormat::ALL };
@@ -125,9 +125,9 @@ update_paths! {
         Cpu "cpu" { formats: &DeltaFormat::ALL, poses: &PoseFormat::ALL };
     }
     baselines {
-        /// Baseline: the passes of feedback, stored by the vertex shader
+        /// Baseline: like feedback, but the vertex shader stores the pose
         VertexStore "vertex-store" { needs: Needs::VertexStores, batch: Batch::Attributes };
-        /// Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)
+        /// Baseline: one thread per delta, integer atomics, always from the base pose (O3DE, Unity)
         ///
         /// A last pass converts the sums to poses.
         Scatter "scatter" {
@@ -140,12 +140,12 @@ update_paths! {
         Direct "direct" {
             needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false
         };
-        /// Baseline: as direct, the active targets being vertex attributes (Gerdelan)
+        /// Baseline: like direct, with the active targets as vertex attributes (Gerdelan)
         DirectAttributes "direct-attributes" {
             needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false,
             batch: Batch::Attributes
         };
-        /// Baseline: deltas in textures, blended into textures that draws fetch (Galanakis)
+        /// Baseline: deltas in textures, blended into displacement textures that draws fetch (Galanakis)
         ///
         /// A target is a few rectangles of float32 or 16-bit integer texels. Each is blended, scaled by the weight or
         /// delta weight, into float32 displacement textures, which draws fetch.

@@ -8,35 +8,35 @@ use std::path::PathBuf;
 pub struct LodArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Measure of what a target changes by itself, at weight 1, in the base pose. "all" also prints how far the
-    /// metrics agree
+    /// Metric of the difference between the base pose and a target at weight 1. "all" also prints how well the metrics
+    /// agree
     #[arg(long, value_name = "METRIC", default_value = "mse")]
     pub metric: Metric,
-    /// Keep these targets before all others: a name, or the beginning of several (repeatable)
+    /// Rank these targets first: full names, or beginnings of names (repeatable)
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub pin: Vec<String>,
-    /// Weight clip to measure errors on: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its
-    /// name [default: all in INPUT/weights or INPUT]
+    /// Weight clip to measure errors with: a CSV file, an animation of a glTF file as FILE or FILE#NAME, or the name of
+    /// a clip of INPUT [default: all clips of INPUT]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    /// Random orders that the order is compared with; in pictures, 32 at most
+    /// Number of random orders to compare the ranking with; image metrics use at most 32
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = values::whole(1usize, 10_000))]
     pub random: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Metric {
-    /// Mean of the squared distances that vertices move
+    /// Mean squared distance that vertices move
     Mse,
     /// Hausdorff distance from the base pose
     Hausdorff,
-    /// Mean of the squared differences of a picture's colours
+    /// Mean squared difference of colours in an image
     ImageMse,
-    /// 1 less the structural similarity of pictures (SSIM)
+    /// 1 - structural similarity of images (SSIM)
     Ssim,
-    /// Share of a picture's pixels that visibly differ (Yee)
+    /// Fraction of the pixels of an image that differ visibly (Yee)
     Perceptual,
-    /// Each of these
+    /// All of these
     All,
 }
 

@@ -12,48 +12,47 @@ pub struct RenderArgs {
     /// Frame of the weight clip, counted from 0
     #[arg(long, value_name = "N", requires = "weights", conflicts_with_all = ["clip", "crowd"])]
     pub frame: Option<usize>,
-    /// Weights by name, on top of the clip's (repeatable)
+    /// Weights by name; they replace those of the clip (repeatable)
     #[arg(long, value_name = "NAME=WEIGHT,…", value_parser = values::settings)]
     pub set: Vec<Vec<(String, f32)>>,
     /// PNG file to write
     #[arg(short, long, value_name = "OUT.png", required_unless_present = "clip", conflicts_with = "clip")]
     pub output: Option<PathBuf>,
-    /// Pixels of the picture [default: 768x768; crowds: 1280x720; clips: 512x512]
+    /// Size in pixels [default: 768x768; crowds: 1280x720; clips: 512x512]
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub size: Option<[u32; 2]>,
-    /// Direction of the camera in degrees: around the head (0: in front, 90: at its left, 180: behind), and up
+    /// Direction from the head to the camera, in degrees: around (0: front, 90: the head's left, 180: back), and up
     #[arg(long, value_name = "YAW,PITCH", default_value = "18,4", value_parser = camera, allow_hyphen_values = true)]
     pub camera: [f32; 2],
-    /// Zoom: 2 shows the middle half of the picture at twice the size
+    /// Zoom factor; 2 shows the middle half of the picture at twice the size
     #[arg(long, value_name = "X", default_value = "1", value_parser = values::zoom)]
     pub zoom: f32,
-    /// Show all of the scene, not only what targets move
+    /// Frame the whole scene, not only the parts that targets move
     #[arg(long)]
     pub whole: bool,
-    /// Direction of the key light in degrees from the camera, to the right and up, and its strength [default: 1]
+    /// Key light: degrees to the right of the camera, degrees up, and optionally strength (default 1)
     #[arg(long, value_name = "YAW,PITCH[,STRENGTH]", default_value = "-38,34", value_parser = light)]
     #[arg(allow_hyphen_values = true)]
     pub light: [f32; 3],
-    /// Background: a colour, or "none" for a transparent one
+    /// Background colour, or "none" for transparency
     #[arg(long, value_name = "RRGGBB|none", default_value = "23262d", value_parser = background)]
     pub background: Background,
-    /// The whole clip: an animated PNG (OUT.png, OUT.apng), or else a folder of PNG frames
+    /// Draw the whole clip: as an animated PNG (OUT.png, OUT.apng), otherwise as a folder of PNG frames
     #[arg(long, value_name = "OUT", conflicts_with = "crowd")]
     pub clip: Option<PathBuf>,
-    /// A crowd of N heads, each in another frame of the clip
+    /// Draw a crowd of N instances, each at another frame of the clip
     #[arg(long, value_name = "N", value_parser = values::whole(1u32, 1000))]
     pub crowd: Option<u32>,
-    /// Colours for the distance of each vertex from the base pose, as --show heat
-    #[arg(long, value_name = "WHAT", conflicts_with = "show")]
-    pub heat: Option<Heat>,
-    /// Appearance of the surface. Motion and blocks are those since the frame before, or since the base pose without
-    /// one
+    /// The same as --show heat
+    #[arg(long, value_name = "WHAT", conflicts_with = "show", value_parser = ["distance"])]
+    pub heat: Option<String>,
+    /// What to show of the surface. Motion and blocks are those since the previous frame, or else since the base pose
     #[arg(long, value_name = "LOOK", default_value = "shaded")]
     pub show: Look,
-    /// Normals of poses: summed with the targets, or recomputed from the morphed surface
+    /// How the normals of poses are computed
     #[arg(long, value_name = "WHICH", default_value = "summed")]
     pub normals: Normals,
-    /// Length at which the colours of --heat and of --show motion end, in input units [default: the largest length]
+    /// Upper end of the colour scale of --show heat and --show motion, in input units [default: the maximum]
     #[arg(long, value_name = "LENGTH", value_parser = values::positive)]
     pub scale: Option<f32>,
 }
@@ -65,37 +64,30 @@ impl RenderArgs {
     }
 }
 
-/// What the colours of a heat map stand for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Heat {
-    /// Distance of a vertex from its position in the base pose
-    Distance,
-}
-
 /// Normals of poses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Normals {
-    /// The base normal plus the normal deltas of the targets
+    /// The base normals plus the normal deltas of the targets
     Summed,
-    /// Computed from the morphed triangles, on the paths of the device
+    /// Recomputed from the morphed surface (not on the path cpu)
     Recomputed,
 }
 
 /// The appearance of a surface, in pictures and in the window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Look {
-    /// Skin, eyes and teeth in their light
+    /// Skin, eyes and teeth, lit
     #[default]
     Shaded,
-    /// The edges of faces
+    /// Edges of the faces
     Wire,
     /// Normals as colours: x red, y green, z blue
     Normals,
     /// Distance of each vertex from the base pose: grey, blue, green, yellow, red
     Heat,
-    /// Distance of each vertex from the frame before, in the same colours
+    /// Distance of each vertex from the previous frame, in the same colours
     Motion,
-    /// Blocks of vertices that an update writes glow, and fade
+    /// Highlight the blocks of vertices that each update writes
     Blocks,
     /// Wrinkles where the targets compress the skin
     Wrinkles,

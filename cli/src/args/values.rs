@@ -32,8 +32,8 @@ pub fn summary(value: impl ValueEnum) -> String {
 
 pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {
     named(&[UpdateMode::Incremental, UpdateMode::Rebuild], UpdateMode::name, |mode| match mode {
-        UpdateMode::Incremental => "From the pose in the buffer, applying the changed targets",
-        UpdateMode::Rebuild => "From the base pose, applying all active targets",
+        UpdateMode::Incremental => "Update the last pose with the changed targets",
+        UpdateMode::Rebuild => "Evaluate all active targets from the base pose",
     })
 }
 

@@ -39,7 +39,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 /// Prints the result, and writes the JSON and the report folder.
 fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
     for skipped in &report.skipped {
-        out.note(format_args!("{}: {}", skipped.what, skipped.reason));
+        out.warn(format_args!("{}: {}", skipped.what, skipped.reason));
     }
     if report.runs.is_empty() {
         // An empty result does not replace an earlier file.

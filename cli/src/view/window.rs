@@ -98,7 +98,7 @@ impl<'a> App<'a> {
         let still = self.script.is_some();
         let stage = Stage::new(window, &self.state, self.args, self.choice, still, self.out)?;
         if stage.device_name().contains("llvmpipe") {
-            self.out.note(format_args!("{} is a software driver: frames take long", stage.device_name()));
+            self.out.warn(format_args!("{} is a software driver: frames take long", stage.device_name()));
         }
         self.stage = Some(stage);
         Ok(())
