@@ -301,20 +301,6 @@ typedef struct DmMeshArrays {
     uint32_t reserved;
 } DmMeshArrays;
 
-/// The built-in head: the same description gives the same head on every machine.
-typedef struct DmSampleDesc {
-    /// sizeof(DmSampleDesc).
-    uint32_t struct_size;
-    /// Vertices; 0: 43,788.
-    uint32_t vertices;
-    /// Targets; the first ones have ARKit's names; 0: 72.
-    uint32_t targets;
-    /// Mean fraction of the vertices that a target moves, in (0, 1]; 0: 0.12.
-    float sparsity;
-    /// Seed; 0: 1.
-    uint64_t seed;
-} DmSampleDesc;
-
 /// A clip of weights with names of targets. All zero: none.
 typedef struct DmClip {
     /// Kind and number.
@@ -356,6 +342,20 @@ typedef struct DmBoundClip {
     /// Kind and number.
     uint64_t bits;
 } DmBoundClip;
+
+/// The built-in head: the same description gives the same head on every machine.
+typedef struct DmSampleDesc {
+    /// sizeof(DmSampleDesc).
+    uint32_t struct_size;
+    /// Vertices; 0: 43,788.
+    uint32_t vertices;
+    /// Targets; the first ones have ARKit's names; 0: 72.
+    uint32_t targets;
+    /// Mean fraction of the vertices that a target moves, in (0, 1]; 0: 0.12.
+    float sparsity;
+    /// Seed; 0: 1.
+    uint64_t seed;
+} DmSampleDesc;
 
 /// What memory a buffer needs.
 typedef struct DmMemoryRequest {
@@ -434,7 +434,7 @@ typedef struct DmEngineDesc {
     uint64_t queue_family_count;
     /// The host's functions for device memory, both or neither: each buffer of the library's then has memory of its own
     /// from them. Called within calls of the library, on any thread, also on several at once; they call nothing of it.
-    /// Null: the library allocates. Feature `memory`.
+    /// Null: the library allocates.
     DmAllocateMemory allocate_memory;
     /// Takes back what `allocate_memory` handed out.
     DmFreeMemory free_memory;
@@ -442,20 +442,6 @@ typedef struct DmEngineDesc {
     /// destroyed.
     void *memory_user;
 } DmEngineDesc;
-
-/// Properties of an engine's device.
-typedef struct DmEngineInfo {
-    /// sizeof(DmEngineInfo).
-    uint32_t struct_size;
-    /// Not 0: a software driver.
-    uint32_t is_software;
-    /// Bytes that a storage-buffer descriptor may cover.
-    uint64_t max_storage_range;
-    /// Bytes of device and staging memory that the engine has allocated from the driver.
-    uint64_t allocated_bytes;
-    /// The device's name, ended by a zero.
-    char device_name[256];
-} DmEngineInfo;
 
 /// Memory of one kind: bytes, and how many buffers they are.
 typedef struct DmMemoryUse {
@@ -465,14 +451,18 @@ typedef struct DmMemoryUse {
     uint64_t allocations;
 } DmMemoryUse;
 
-/// The memory of an engine and all objects made with it, by what it is for. Buffers of the host's are not counted.
-typedef struct DmMemory {
-    /// sizeof(DmMemory).
+/// Properties of an engine's device, and its memory by purpose. Buffers of the host's are not counted.
+typedef struct DmEngineInfo {
+    /// sizeof(DmEngineInfo).
     uint32_t struct_size;
-    /// Zero.
-    uint32_t reserved;
-    /// Bytes allocated from the driver, including unused parts of blocks.
-    uint64_t allocated;
+    /// Not 0: a software driver.
+    uint32_t is_software;
+    /// Bytes that a storage-buffer descriptor may cover.
+    uint64_t max_storage_range;
+    /// Bytes of device and staging memory that the engine has allocated from the driver, including unused parts of blocks.
+    uint64_t allocated_bytes;
+    /// The device's name, ended by a zero.
+    char device_name[256];
     /// Base poses, deltas, skins and surfaces.
     struct DmMemoryUse meshes;
     /// Poses, but for those in buffers of the host's.
@@ -485,7 +475,7 @@ typedef struct DmMemory {
     struct DmMemoryUse staging;
     /// Poses read back.
     struct DmMemoryUse readback;
-} DmMemory;
+} DmEngineInfo;
 
 /// A mesh on the device. All zero: none.
 typedef struct DmGpuMesh {
@@ -598,7 +588,7 @@ typedef struct DmAnimationDesc {
     uint32_t key_bits;
     /// Zero.
     uint32_t reserved;
-    /// Levels of detail, which need the feature `level`; null: all targets are kept.
+    /// Levels of detail; null: all targets are kept.
     const struct DmLevelDesc *level;
 } DmAnimationDesc;
 
@@ -659,7 +649,7 @@ typedef struct DmPoseView {
     uint32_t struct_size;
     /// Bytes from vertex to vertex.
     uint32_t stride;
-    /// The buffer: usable as vertex, storage and transfer-source buffer. Null: there is no such pose.
+    /// The buffer: usable as vertex, storage and transfer-source buffer.
     VkBuffer buffer;
     /// Offset of the first vertex.
     uint64_t offset;
@@ -674,6 +664,11 @@ typedef struct DmPoseView {
     /// The value of number 0, in input units, by component: 0 for float32 and for normals. Equal for all poses of a
     /// crowd.
     float offsets[6];
+    /// The buffer of the pose before the last update, which is the pose itself if nothing changed, on the first update,
+    /// and after `dm_crowd_reset_history`. Null: the update had to overwrite it.
+    VkBuffer previous_buffer;
+    /// Offset of its first vertex.
+    uint64_t previous_offset;
 } DmPoseView;
 
 /// Buffer and layout of a stream of a pose.
@@ -988,15 +983,6 @@ DmResult dm_mesh_from_bytes(const void *bytes,
 /// `mesh` can be written.
 DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 
-/// Make the built-in head that `sample` describes (null: the defaults).
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `sample`; DM_ERROR_INVALID for invalid
-/// fields of `sample` or `desc`: more than 10,000,000 vertices, or 2^28 for vertices times targets.
-///
-/// Safety:
-/// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
-DmResult dm_mesh_sample_head(const struct DmSampleDesc *sample, const struct DmMeshDesc *desc, struct DmMesh *mesh);
-
 /// Destroy a mesh, with the names of its targets. Objects made from it stay.
 DmResult dm_mesh_destroy(struct DmMesh mesh);
 
@@ -1018,16 +1004,6 @@ DmResult dm_clip_open(const char *path, float fps, struct DmClip *clip);
 /// Safety:
 /// `arrays` is a structure whose arrays have the elements that it says; `clip` can be written.
 DmResult dm_clip_from_arrays(const struct DmClipArrays *arrays, struct DmClip *clip);
-
-/// Make the clip of the built-in head that `sample` describes (null: the defaults). `fps` is its frame rate, from 0.1
-/// to 1000; 0: 30.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `sample`; DM_ERROR_INVALID for another
-/// frame rate, more than 2^24 weights (frames times targets), or values of `sample` that `dm_mesh_sample_head` refuses.
-///
-/// Safety:
-/// `sample` is null (the defaults) or a structure; `clip` can be written.
-DmResult dm_clip_sample_head(const struct DmSampleDesc *sample, uint32_t frame_count, float fps, struct DmClip *clip);
 
 /// Write the size and rate of a clip.
 ///
@@ -1061,6 +1037,29 @@ DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weig
 /// Destroy a bound clip.
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 
+#if !defined(DM_NO_SAMPLE)
+/// Make the built-in head that `sample` describes (null: the defaults).
+///
+/// Errors: DM_ERROR_INVALID for invalid fields of `sample` or `desc`: more than 10,000,000 vertices, or 2^28 for
+/// vertices times targets.
+///
+/// Safety:
+/// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
+DmResult dm_mesh_sample_head(const struct DmSampleDesc *sample, const struct DmMeshDesc *desc, struct DmMesh *mesh);
+#endif
+
+#if !defined(DM_NO_SAMPLE)
+/// Make the clip of the built-in head that `sample` describes (null: the defaults). `fps` is its frame rate, from 0.1
+/// to 1000; 0: 30.
+///
+/// Errors: DM_ERROR_INVALID for another frame rate, more than 2^24 weights (frames times targets), or values of
+/// `sample` that `dm_mesh_sample_head` refuses.
+///
+/// Safety:
+/// `sample` is null (the defaults) or a structure; `clip` can be written.
+DmResult dm_clip_sample_head(const struct DmSampleDesc *sample, uint32_t frame_count, float fps, struct DmClip *clip);
+#endif
+
 /// Make an engine on a device of the host's. It never submits, waits, or makes a queue or a thread.
 ///
 /// Errors: DM_ERROR_INVALID for null handles, an instance or device of Vulkan 1.0, or queue families that the device
@@ -1070,17 +1069,11 @@ DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 /// `desc` is a structure that meets the conditions in its documentation; `engine` can be written.
 DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engine);
 
-/// Write the properties of an engine's device.
+/// Write the properties of an engine's device, and how much memory the engine and all objects made with it take.
 ///
 /// Safety:
 /// `info` is a structure that can be written.
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
-
-/// Write how much memory the engine and all objects made with it take, by what it is for.
-///
-/// Safety:
-/// `memory` is a structure that can be written.
-DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
 
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
 ///
@@ -1096,12 +1089,6 @@ DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
 /// - It runs exactly once, before any update of the mesh; if it never runs, no crowd of the mesh is updated.
 /// - `gpu_mesh` can be written. The mesh on the device is destroyed only when the device no longer uses it.
 DmResult dm_mesh_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmGpuMesh *gpu_mesh);
-
-/// Free the staging memory of an upload.
-///
-/// Safety:
-/// The upload has run, or never will.
-DmResult dm_gpu_mesh_release_staging(struct DmGpuMesh mesh);
 
 /// Destroy a mesh on the device. Crowds keep the data that they need.
 ///
@@ -1124,7 +1111,7 @@ DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, 
 /// `frames_in_flight` of the description.
 ///
 /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
-/// TRANSFER_WRITE; last COMPUTE_SHADER). Call `dm_crowd_release_staging` once it has run.
+/// TRANSFER_WRITE; last COMPUTE_SHADER). Call `dm_release_staging` once it has run.
 ///
 /// Errors: those of `dm_crowd_create`; clips that do not fit the mesh; float32 poses. Nothing is recorded then.
 ///
@@ -1137,14 +1124,6 @@ DmResult dm_crowd_create_animated(struct DmGpuMesh mesh,
                                   const struct DmCrowdDesc *desc,
                                   const struct DmAnimationDesc *animation,
                                   struct DmCrowd *crowd);
-
-/// Free the staging memory of an animated crowd's clips.
-///
-/// Errors: DM_ERROR_INVALID for a crowd that plays no clips.
-///
-/// Safety:
-/// The upload has run, or never will.
-DmResult dm_crowd_release_staging(struct DmCrowd crowd);
 
 /// Destroy a crowd, and its poses.
 ///
@@ -1194,8 +1173,8 @@ DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
 /// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
 /// animated crowd made with DmAnimationDesc::level. A number at or above the number of targets keeps all.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an instance
-/// out of range, a level below 0 or not a number, a crowd without levels of detail or one that plays no clips.
+/// Errors: DM_ERROR_INVALID for an instance out of range, a level below 0 or not a number, a crowd without levels of
+/// detail or one that plays no clips.
 DmResult dm_crowd_set_level(struct DmCrowd crowd, uint32_t instance, float level);
 
 /// Request these weights for an instance, one per target in the mesh's order, from the next recorded update on.
@@ -1213,38 +1192,30 @@ DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const flo
 /// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
 DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
 
-/// Record the update of all instances of a crowd to the requested weights, or to the time set.
+/// Record the updates of all instances of one or more crowds of an engine to the requested weights, or to the time set.
+/// They share their barriers.
 ///
 /// This records nothing if no weight changed; otherwise the passes of the plan with the barriers that they need. First
-/// stages: those of the crowd's consumers (reads of earlier poses) and the path's own; last: the consumers', by default
+/// stages: those of the crowds' consumers (reads of earlier poses) and the paths' own; last: the consumers', by default
 /// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ. It replaces the bound compute
 /// pipeline, its set 0 and push constants; on `DM_PATH_FEEDBACK` the bound graphics pipeline, vertex bindings from 0
 /// on, push constants and transform-feedback binding 0.
 ///
-/// Errors: after an error nothing is recorded.
+/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, crowds of several engines, or for queues of
+/// several families. Nothing is recorded after an error.
 ///
 /// Safety:
 /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
 ///   active conditional rendering, on a queue of DmCrowdDesc::queue_family, or else with graphics and compute. No other
 ///   thread uses it meanwhile.
-/// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or
-///   it never runs, and `dm_crowd_discard` is called with the ticket before any later update of the crowd is submitted.
-///   Updates recorded after it are discarded with it, and never run either.
-/// - With this one, at most DmCrowdDesc::frames_in_flight updates of the crowd are recorded and not yet finished.
+/// - It runs exactly once, after the upload of the meshes and all earlier updates of the crowds, and before later ones;
+///   or it never runs, and `dm_crowd_discard` is called with the ticket of each crowd before any later update of that
+///   crowd is submitted. Updates recorded after it are discarded with it, and never run either.
+/// - With this one, at most DmCrowdDesc::frames_in_flight updates of each crowd are recorded and not yet finished.
 /// - After `DM_ERROR_PANIC` the command buffer does not run.
-/// - `update` is null or a structure that can be written.
-DmResult dm_record_update(VkCommandBuffer cmd, struct DmCrowd crowd, struct DmUpdate *update);
-
-/// Record the updates of several crowds of one engine, as `dm_record_update` does for one. They share their barriers.
-///
-/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, crowds of several engines, or for queues of
-/// several families. Nothing is recorded then.
-///
-/// Safety:
-/// - The conditions of `dm_record_update`, for each crowd.
 /// - There are `count` crowds; `updates` is null or an array of as many structures that can be written, each with its
 ///   size.
-DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
+DmResult dm_record_update(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
 
 /// Tell that the update of a ticket and all later ones of the crowd will never run: the contents of the poses that they
 /// would have written are unknown, and the next update writes them again. An update that was discarded before stays
@@ -1256,23 +1227,17 @@ DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmC
 /// Neither the update nor any later one of the crowd runs.
 DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 
-/// Get the buffer and layout of an instance's pose, which is there once the updates recorded so far have run.
+/// Get the buffer and layout of an instance's pose, and of the pose before its last update, for motion vectors. They are
+/// there once the updates recorded so far have run.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed; if no update was recorded yet, or the instance's
 /// update was discarded.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
-DmResult dm_crowd_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
-
-/// Get the buffer and layout of an instance's pose before its last update: the pose itself if nothing changed, on its
-/// first update, and after `dm_crowd_reset_history`. The buffer is null if the update had to overwrite it.
-///
-/// Errors: those of `dm_crowd_pose`.
-///
-/// Safety:
-/// `view` is a structure that can be written.
-DmResult dm_crowd_previous_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
+DmResult dm_crowd_pose(struct DmCrowd crowd,
+                       uint32_t instance,
+                       struct DmPoseView *view);
 
 /// Get the buffer and layout of any stream (`DM_STREAM_...`) of the mesh in an instance's pose.
 ///
@@ -1346,19 +1311,13 @@ DmResult dm_crowd_set_decode_target(struct DmCrowd crowd, uint32_t instance, con
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a mesh that
-/// exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+/// Errors: DM_ERROR_INVALID for a mesh that exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
+/// then.
 ///
 /// Safety:
 /// `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that computes normals with this surface;
 /// `surface` can be written.
 DmResult dm_surface_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmSurface *surface);
-
-/// Free the staging memory of a surface.
-///
-/// Safety:
-/// The upload has run, or never will.
-DmResult dm_surface_release_staging(struct DmSurface surface);
 
 /// Destroy a surface. Instances whose normals it computes keep the data that they need.
 ///
@@ -1370,9 +1329,8 @@ DmResult dm_surface_destroy(struct DmSurface surface);
 /// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: stop; `surface`
 /// is ignored then.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, a surface of another engine or mesh, an offset or stride that does not fit. Nothing changes
-/// then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a surface of another engine or mesh, an offset or
+/// stride that does not fit. Nothing changes then.
 ///
 /// Safety:
 /// The same conditions as for `dm_crowd_set_decode_target`.
@@ -1386,9 +1344,9 @@ DmResult dm_crowd_set_normals_target(struct DmCrowd crowd,
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a number of
-/// influences other than 4 or 8, or of joints outside of 1 to 65,536; a weight that is negative or not a number;
-/// weights of a vertex that sum to 0; a joint out of range; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+/// Errors: DM_ERROR_INVALID for a number of influences other than 4 or 8, or of joints outside of 1 to 65,536; a weight
+/// that is negative or not a number; weights of a vertex that sum to 0; a joint out of range; DM_ERROR_OUT_OF_MEMORY.
+/// Nothing is recorded then.
 ///
 /// Safety:
 /// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that uses this skin.
@@ -1400,12 +1358,6 @@ DmResult dm_skin_upload(struct DmEngine engine,
                         const struct DmSkinDesc *desc,
                         struct DmSkin *skin);
 
-/// Free the staging memory of a skin.
-///
-/// Safety:
-/// The upload has run, or never will.
-DmResult dm_skin_release_staging(struct DmSkin skin);
-
 /// Destroy a skin. Instances that are skinned by it keep the data that they need.
 ///
 /// Safety:
@@ -1416,9 +1368,8 @@ DmResult dm_skin_destroy(struct DmSkin skin);
 /// is ignored then. If joints moved (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the
 /// vertices that the update changed. What is written is ready for the crowd's consumers.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, a skin of another engine or mesh, an offset or stride that does not fit, joints that reach
-/// beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
+/// stride that does not fit, joints that reach beyond their buffer. Nothing changes then.
 ///
 /// Safety:
 /// - The conditions of `dm_crowd_set_decode_target`, for all buffers.
@@ -1433,14 +1384,13 @@ DmResult dm_crowd_set_skin_target(struct DmCrowd crowd,
 /// their buffer, in bytes, a multiple of 16. The offset may stay the same if the host's barriers order its writes; with
 /// several frames in flight and joints that the host writes, use several offsets in turn.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, or not skinned; joints that reach beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; joints that reach beyond their
+/// buffer. Nothing changes then.
 DmResult dm_crowd_set_joints(struct DmCrowd crowd, uint32_t instance, uint64_t offset);
 
 /// Get the buffer and offset of the skinned pose of an instance, valid once the updates recorded so far have run.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, or not skinned; those of `dm_crowd_pose`.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; those of `dm_crowd_pose`.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
@@ -1450,8 +1400,8 @@ DmResult dm_crowd_skinned(struct DmCrowd crowd, uint32_t instance, struct DmSkin
 /// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones. The mesh may be
 /// destroyed afterwards.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for fixed-point
-/// poses that the mesh has no grid for; those of `dm_crowd_create` for invalid fields of `desc`.
+/// Errors: DM_ERROR_INVALID for fixed-point poses that the mesh has no grid for; those of `dm_crowd_create` for invalid
+/// fields of `desc`.
 ///
 /// Safety:
 /// `desc` as in `dm_crowd_create`; `bounds` can be written.
@@ -1461,8 +1411,7 @@ DmResult dm_weight_bounds_create(struct DmMesh mesh, const struct DmCrowdDesc *d
 /// vertex, then the greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update
 /// that wrote the pose. For a mesh without vertices the least are infinite.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a wrong
-/// number of weights, a weight that is not finite.
+/// Errors: DM_ERROR_INVALID for a wrong number of weights, a weight that is not finite.
 ///
 /// Safety:
 /// There are `count` weights, and room for six numbers at `least_and_greatest`.
@@ -1475,6 +1424,15 @@ DmResult dm_weight_bounds_of(struct DmWeightBounds bounds,
 /// Destroy an object that computes bounds.
 DmResult dm_weight_bounds_destroy(struct DmWeightBounds bounds);
 
+/// Free the staging memory of an upload. `handle` is the `bits` of what was uploaded: a DmGpuMesh, DmSkin or DmSurface,
+/// or a DmCrowd that plays clips.
+///
+/// Errors: DM_ERROR_INVALID for a crowd that plays no clips.
+///
+/// Safety:
+/// The upload has run, or never will.
+DmResult dm_release_staging(uint64_t handle);
+
 /// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
 /// DmSurface. The device may be destroyed afterwards.
 ///
@@ -1485,255 +1443,4 @@ DmResult dm_engine_destroy(struct DmEngine engine);
 }  // extern "C"
 #endif  // __cplusplus
 
-/* The layout of structures in the library. */
-#if UINTPTR_MAX == UINT64_MAX
-typedef char DmEngineDesc_sizeof[sizeof(DmEngineDesc) == 120 ? 1 : -1];
-typedef char DmEngineDesc_struct_size[offsetof(DmEngineDesc, struct_size) == 0 ? 1 : -1];
-typedef char DmEngineDesc_transform_feedback[offsetof(DmEngineDesc, transform_feedback) == 4 ? 1 : -1];
-typedef char DmEngineDesc_instance[offsetof(DmEngineDesc, instance) == 8 ? 1 : -1];
-typedef char DmEngineDesc_physical_device[offsetof(DmEngineDesc, physical_device) == 16 ? 1 : -1];
-typedef char DmEngineDesc_device[offsetof(DmEngineDesc, device) == 24 ? 1 : -1];
-typedef char DmEngineDesc_get_instance_proc_addr[offsetof(DmEngineDesc, get_instance_proc_addr) == 32 ? 1 : -1];
-typedef char DmEngineDesc_get_device_proc_addr[offsetof(DmEngineDesc, get_device_proc_addr) == 40 ? 1 : -1];
-typedef char DmEngineDesc_enabled_features[offsetof(DmEngineDesc, enabled_features) == 48 ? 1 : -1];
-typedef char DmEngineDesc_pipeline_cache[offsetof(DmEngineDesc, pipeline_cache) == 56 ? 1 : -1];
-typedef char DmEngineDesc_clamp_to_android_baseline[offsetof(DmEngineDesc, clamp_to_android_baseline) == 64 ? 1 : -1];
-typedef char DmEngineDesc_reserved[offsetof(DmEngineDesc, reserved) == 68 ? 1 : -1];
-typedef char DmEngineDesc_debug_names[offsetof(DmEngineDesc, debug_names) == 72 ? 1 : -1];
-typedef char DmEngineDesc_buffer_device_address[offsetof(DmEngineDesc, buffer_device_address) == 76 ? 1 : -1];
-typedef char DmEngineDesc_queue_families[offsetof(DmEngineDesc, queue_families) == 80 ? 1 : -1];
-typedef char DmEngineDesc_queue_family_count[offsetof(DmEngineDesc, queue_family_count) == 88 ? 1 : -1];
-typedef char DmEngineDesc_allocate_memory[offsetof(DmEngineDesc, allocate_memory) == 96 ? 1 : -1];
-typedef char DmEngineDesc_free_memory[offsetof(DmEngineDesc, free_memory) == 104 ? 1 : -1];
-typedef char DmEngineDesc_memory_user[offsetof(DmEngineDesc, memory_user) == 112 ? 1 : -1];
-typedef char DmEngineInfo_sizeof[sizeof(DmEngineInfo) == 280 ? 1 : -1];
-typedef char DmEngineInfo_struct_size[offsetof(DmEngineInfo, struct_size) == 0 ? 1 : -1];
-typedef char DmEngineInfo_is_software[offsetof(DmEngineInfo, is_software) == 4 ? 1 : -1];
-typedef char DmEngineInfo_max_storage_range[offsetof(DmEngineInfo, max_storage_range) == 8 ? 1 : -1];
-typedef char DmEngineInfo_allocated_bytes[offsetof(DmEngineInfo, allocated_bytes) == 16 ? 1 : -1];
-typedef char DmEngineInfo_device_name[offsetof(DmEngineInfo, device_name) == 24 ? 1 : -1];
-typedef char DmMemoryRequest_sizeof[sizeof(DmMemoryRequest) == 32 ? 1 : -1];
-typedef char DmMemoryRequest_size[offsetof(DmMemoryRequest, size) == 0 ? 1 : -1];
-typedef char DmMemoryRequest_alignment[offsetof(DmMemoryRequest, alignment) == 8 ? 1 : -1];
-typedef char DmMemoryRequest_type_bits[offsetof(DmMemoryRequest, type_bits) == 16 ? 1 : -1];
-typedef char DmMemoryRequest_required[offsetof(DmMemoryRequest, required) == 20 ? 1 : -1];
-typedef char DmMemoryRequest_preferred[offsetof(DmMemoryRequest, preferred) == 24 ? 1 : -1];
-typedef char DmMemoryRequest_reserved[offsetof(DmMemoryRequest, reserved) == 28 ? 1 : -1];
-typedef char DmHostMemory_sizeof[sizeof(DmHostMemory) == 32 ? 1 : -1];
-typedef char DmHostMemory_memory[offsetof(DmHostMemory, memory) == 0 ? 1 : -1];
-typedef char DmHostMemory_offset[offsetof(DmHostMemory, offset) == 8 ? 1 : -1];
-typedef char DmHostMemory_mapped[offsetof(DmHostMemory, mapped) == 16 ? 1 : -1];
-typedef char DmHostMemory_token[offsetof(DmHostMemory, token) == 24 ? 1 : -1];
-typedef char DmMemoryUse_sizeof[sizeof(DmMemoryUse) == 16 ? 1 : -1];
-typedef char DmMemoryUse_bytes[offsetof(DmMemoryUse, bytes) == 0 ? 1 : -1];
-typedef char DmMemoryUse_allocations[offsetof(DmMemoryUse, allocations) == 8 ? 1 : -1];
-typedef char DmMemory_sizeof[sizeof(DmMemory) == 112 ? 1 : -1];
-typedef char DmMemory_struct_size[offsetof(DmMemory, struct_size) == 0 ? 1 : -1];
-typedef char DmMemory_reserved[offsetof(DmMemory, reserved) == 4 ? 1 : -1];
-typedef char DmMemory_allocated[offsetof(DmMemory, allocated) == 8 ? 1 : -1];
-typedef char DmMemory_meshes[offsetof(DmMemory, meshes) == 16 ? 1 : -1];
-typedef char DmMemory_poses[offsetof(DmMemory, poses) == 32 ? 1 : -1];
-typedef char DmMemory_animation[offsetof(DmMemory, animation) == 48 ? 1 : -1];
-typedef char DmMemory_lists[offsetof(DmMemory, lists) == 64 ? 1 : -1];
-typedef char DmMemory_staging[offsetof(DmMemory, staging) == 80 ? 1 : -1];
-typedef char DmMemory_readback[offsetof(DmMemory, readback) == 96 ? 1 : -1];
-typedef char DmRequirement_sizeof[sizeof(DmRequirement) == 24 ? 1 : -1];
-typedef char DmRequirement_extension[offsetof(DmRequirement, extension) == 0 ? 1 : -1];
-typedef char DmRequirement_feature[offsetof(DmRequirement, feature) == 8 ? 1 : -1];
-typedef char DmRequirement_reason[offsetof(DmRequirement, reason) == 16 ? 1 : -1];
-typedef char DmMeshDesc_sizeof[sizeof(DmMeshDesc) == 64 ? 1 : -1];
-typedef char DmMeshDesc_struct_size[offsetof(DmMeshDesc, struct_size) == 0 ? 1 : -1];
-typedef char DmMeshDesc_flags[offsetof(DmMeshDesc, flags) == 4 ? 1 : -1];
-typedef char DmMeshDesc_engine[offsetof(DmMeshDesc, engine) == 8 ? 1 : -1];
-typedef char DmMeshDesc_position_tolerance[offsetof(DmMeshDesc, position_tolerance) == 16 ? 1 : -1];
-typedef char DmMeshDesc_normal_tolerance[offsetof(DmMeshDesc, normal_tolerance) == 20 ? 1 : -1];
-typedef char DmMeshDesc_delta_format[offsetof(DmMeshDesc, delta_format) == 24 ? 1 : -1];
-typedef char DmMeshDesc_block_size[offsetof(DmMeshDesc, block_size) == 28 ? 1 : -1];
-typedef char DmMeshDesc_position_error[offsetof(DmMeshDesc, position_error) == 32 ? 1 : -1];
-typedef char DmMeshDesc_normal_error_degrees[offsetof(DmMeshDesc, normal_error_degrees) == 36 ? 1 : -1];
-typedef char DmMeshDesc_absolute_error[offsetof(DmMeshDesc, absolute_error) == 40 ? 1 : -1];
-typedef char DmMeshDesc_weight_max[offsetof(DmMeshDesc, weight_max) == 44 ? 1 : -1];
-typedef char DmMeshDesc_message[offsetof(DmMeshDesc, message) == 48 ? 1 : -1];
-typedef char DmMeshDesc_message_user[offsetof(DmMeshDesc, message_user) == 56 ? 1 : -1];
-typedef char DmMeshArrays_sizeof[sizeof(DmMeshArrays) == 80 ? 1 : -1];
-typedef char DmMeshArrays_struct_size[offsetof(DmMeshArrays, struct_size) == 0 ? 1 : -1];
-typedef char DmMeshArrays_vertex_count[offsetof(DmMeshArrays, vertex_count) == 4 ? 1 : -1];
-typedef char DmMeshArrays_name[offsetof(DmMeshArrays, name) == 8 ? 1 : -1];
-typedef char DmMeshArrays_positions[offsetof(DmMeshArrays, positions) == 16 ? 1 : -1];
-typedef char DmMeshArrays_normals[offsetof(DmMeshArrays, normals) == 24 ? 1 : -1];
-typedef char DmMeshArrays_tangents[offsetof(DmMeshArrays, tangents) == 32 ? 1 : -1];
-typedef char DmMeshArrays_texcoords[offsetof(DmMeshArrays, texcoords) == 40 ? 1 : -1];
-typedef char DmMeshArrays_indices[offsetof(DmMeshArrays, indices) == 48 ? 1 : -1];
-typedef char DmMeshArrays_targets[offsetof(DmMeshArrays, targets) == 56 ? 1 : -1];
-typedef char DmMeshArrays_index_count[offsetof(DmMeshArrays, index_count) == 64 ? 1 : -1];
-typedef char DmMeshArrays_target_count[offsetof(DmMeshArrays, target_count) == 68 ? 1 : -1];
-typedef char DmMeshArrays_absolute[offsetof(DmMeshArrays, absolute) == 72 ? 1 : -1];
-typedef char DmMeshArrays_reserved[offsetof(DmMeshArrays, reserved) == 76 ? 1 : -1];
-typedef char DmTargetArrays_sizeof[sizeof(DmTargetArrays) == 40 ? 1 : -1];
-typedef char DmTargetArrays_struct_size[offsetof(DmTargetArrays, struct_size) == 0 ? 1 : -1];
-typedef char DmTargetArrays_reserved[offsetof(DmTargetArrays, reserved) == 4 ? 1 : -1];
-typedef char DmTargetArrays_name[offsetof(DmTargetArrays, name) == 8 ? 1 : -1];
-typedef char DmTargetArrays_positions[offsetof(DmTargetArrays, positions) == 16 ? 1 : -1];
-typedef char DmTargetArrays_normals[offsetof(DmTargetArrays, normals) == 24 ? 1 : -1];
-typedef char DmTargetArrays_tangents[offsetof(DmTargetArrays, tangents) == 32 ? 1 : -1];
-typedef char DmSampleDesc_sizeof[sizeof(DmSampleDesc) == 24 ? 1 : -1];
-typedef char DmSampleDesc_struct_size[offsetof(DmSampleDesc, struct_size) == 0 ? 1 : -1];
-typedef char DmSampleDesc_vertices[offsetof(DmSampleDesc, vertices) == 4 ? 1 : -1];
-typedef char DmSampleDesc_targets[offsetof(DmSampleDesc, targets) == 8 ? 1 : -1];
-typedef char DmSampleDesc_sparsity[offsetof(DmSampleDesc, sparsity) == 12 ? 1 : -1];
-typedef char DmSampleDesc_seed[offsetof(DmSampleDesc, seed) == 16 ? 1 : -1];
-typedef char DmMeshInfo_sizeof[sizeof(DmMeshInfo) == 48 ? 1 : -1];
-typedef char DmMeshInfo_struct_size[offsetof(DmMeshInfo, struct_size) == 0 ? 1 : -1];
-typedef char DmMeshInfo_vertex_count[offsetof(DmMeshInfo, vertex_count) == 4 ? 1 : -1];
-typedef char DmMeshInfo_padded_vertex_count[offsetof(DmMeshInfo, padded_vertex_count) == 8 ? 1 : -1];
-typedef char DmMeshInfo_target_count[offsetof(DmMeshInfo, target_count) == 12 ? 1 : -1];
-typedef char DmMeshInfo_index_count[offsetof(DmMeshInfo, index_count) == 16 ? 1 : -1];
-typedef char DmMeshInfo_delta_format[offsetof(DmMeshInfo, delta_format) == 20 ? 1 : -1];
-typedef char DmMeshInfo_diagonal[offsetof(DmMeshInfo, diagonal) == 24 ? 1 : -1];
-typedef char DmMeshInfo_reserved[offsetof(DmMeshInfo, reserved) == 28 ? 1 : -1];
-typedef char DmMeshInfo_pose_bytes[offsetof(DmMeshInfo, pose_bytes) == 32 ? 1 : -1];
-typedef char DmMeshInfo_device_bytes[offsetof(DmMeshInfo, device_bytes) == 40 ? 1 : -1];
-typedef char DmRenderVertices_sizeof[sizeof(DmRenderVertices) == 40 ? 1 : -1];
-typedef char DmRenderVertices_struct_size[offsetof(DmRenderVertices, struct_size) == 0 ? 1 : -1];
-typedef char DmRenderVertices_vertex_count[offsetof(DmRenderVertices, vertex_count) == 4 ? 1 : -1];
-typedef char DmRenderVertices_index_count[offsetof(DmRenderVertices, index_count) == 8 ? 1 : -1];
-typedef char DmRenderVertices_reserved[offsetof(DmRenderVertices, reserved) == 12 ? 1 : -1];
-typedef char DmRenderVertices_pose_vertices[offsetof(DmRenderVertices, pose_vertices) == 16 ? 1 : -1];
-typedef char DmRenderVertices_texcoords[offsetof(DmRenderVertices, texcoords) == 24 ? 1 : -1];
-typedef char DmRenderVertices_indices[offsetof(DmRenderVertices, indices) == 32 ? 1 : -1];
-typedef char DmCrowdDesc_sizeof[sizeof(DmCrowdDesc) == 72 ? 1 : -1];
-typedef char DmCrowdDesc_struct_size[offsetof(DmCrowdDesc, struct_size) == 0 ? 1 : -1];
-typedef char DmCrowdDesc_instances[offsetof(DmCrowdDesc, instances) == 4 ? 1 : -1];
-typedef char DmCrowdDesc_path[offsetof(DmCrowdDesc, path) == 8 ? 1 : -1];
-typedef char DmCrowdDesc_batch[offsetof(DmCrowdDesc, batch) == 12 ? 1 : -1];
-typedef char DmCrowdDesc_mode[offsetof(DmCrowdDesc, mode) == 16 ? 1 : -1];
-typedef char DmCrowdDesc_slots[offsetof(DmCrowdDesc, slots) == 20 ? 1 : -1];
-typedef char DmCrowdDesc_pose_format[offsetof(DmCrowdDesc, pose_format) == 24 ? 1 : -1];
-typedef char DmCrowdDesc_frames_in_flight[offsetof(DmCrowdDesc, frames_in_flight) == 28 ? 1 : -1];
-typedef char DmCrowdDesc_consumers[offsetof(DmCrowdDesc, consumers) == 32 ? 1 : -1];
-typedef char DmCrowdDesc_tolerance[offsetof(DmCrowdDesc, tolerance) == 36 ? 1 : -1];
-typedef char DmCrowdDesc_weight_max[offsetof(DmCrowdDesc, weight_max) == 40 ? 1 : -1];
-typedef char DmCrowdDesc_error_budget[offsetof(DmCrowdDesc, error_budget) == 44 ? 1 : -1];
-typedef char DmCrowdDesc_pose_usage[offsetof(DmCrowdDesc, pose_usage) == 48 ? 1 : -1];
-typedef char DmCrowdDesc_reserved[offsetof(DmCrowdDesc, reserved) == 52 ? 1 : -1];
-typedef char DmCrowdDesc_poses[offsetof(DmCrowdDesc, poses) == 56 ? 1 : -1];
-typedef char DmCrowdDesc_queue_family[offsetof(DmCrowdDesc, queue_family) == 64 ? 1 : -1];
-typedef char DmHostPoses_sizeof[sizeof(DmHostPoses) == 40 ? 1 : -1];
-typedef char DmHostPoses_struct_size[offsetof(DmHostPoses, struct_size) == 0 ? 1 : -1];
-typedef char DmHostPoses_stride[offsetof(DmHostPoses, stride) == 4 ? 1 : -1];
-typedef char DmHostPoses_buffer[offsetof(DmHostPoses, buffer) == 8 ? 1 : -1];
-typedef char DmHostPoses_offset[offsetof(DmHostPoses, offset) == 16 ? 1 : -1];
-typedef char DmHostPoses_streams[offsetof(DmHostPoses, streams) == 24 ? 1 : -1];
-typedef char DmHostPoses_stream_count[offsetof(DmHostPoses, stream_count) == 32 ? 1 : -1];
-typedef char DmHostPoses_reserved[offsetof(DmHostPoses, reserved) == 36 ? 1 : -1];
-typedef char DmStreamPlace_sizeof[sizeof(DmStreamPlace) == 8 ? 1 : -1];
-typedef char DmStreamPlace_stream[offsetof(DmStreamPlace, stream) == 0 ? 1 : -1];
-typedef char DmStreamPlace_offset[offsetof(DmStreamPlace, offset) == 4 ? 1 : -1];
-typedef char DmAnimationDesc_sizeof[sizeof(DmAnimationDesc) == 32 ? 1 : -1];
-typedef char DmAnimationDesc_struct_size[offsetof(DmAnimationDesc, struct_size) == 0 ? 1 : -1];
-typedef char DmAnimationDesc_clip_count[offsetof(DmAnimationDesc, clip_count) == 4 ? 1 : -1];
-typedef char DmAnimationDesc_clips[offsetof(DmAnimationDesc, clips) == 8 ? 1 : -1];
-typedef char DmAnimationDesc_key_bits[offsetof(DmAnimationDesc, key_bits) == 16 ? 1 : -1];
-typedef char DmAnimationDesc_reserved[offsetof(DmAnimationDesc, reserved) == 20 ? 1 : -1];
-typedef char DmAnimationDesc_level[offsetof(DmAnimationDesc, level) == 24 ? 1 : -1];
-typedef char DmLevelDesc_sizeof[sizeof(DmLevelDesc) == 24 ? 1 : -1];
-typedef char DmLevelDesc_struct_size[offsetof(DmLevelDesc, struct_size) == 0 ? 1 : -1];
-typedef char DmLevelDesc_pin_count[offsetof(DmLevelDesc, pin_count) == 4 ? 1 : -1];
-typedef char DmLevelDesc_mesh[offsetof(DmLevelDesc, mesh) == 8 ? 1 : -1];
-typedef char DmLevelDesc_pins[offsetof(DmLevelDesc, pins) == 16 ? 1 : -1];
-typedef char DmPlayback_sizeof[sizeof(DmPlayback) == 32 ? 1 : -1];
-typedef char DmPlayback_struct_size[offsetof(DmPlayback, struct_size) == 0 ? 1 : -1];
-typedef char DmPlayback_clip[offsetof(DmPlayback, clip) == 4 ? 1 : -1];
-typedef char DmPlayback_start[offsetof(DmPlayback, start) == 8 ? 1 : -1];
-typedef char DmPlayback_speed[offsetof(DmPlayback, speed) == 16 ? 1 : -1];
-typedef char DmPlayback_once[offsetof(DmPlayback, once) == 24 ? 1 : -1];
-typedef char DmPlayback_reserved[offsetof(DmPlayback, reserved) == 28 ? 1 : -1];
-typedef char DmTicket_sizeof[sizeof(DmTicket) == 16 ? 1 : -1];
-typedef char DmTicket_crowd[offsetof(DmTicket, crowd) == 0 ? 1 : -1];
-typedef char DmTicket_number[offsetof(DmTicket, number) == 8 ? 1 : -1];
-typedef char DmUpdate_sizeof[sizeof(DmUpdate) == 80 ? 1 : -1];
-typedef char DmUpdate_struct_size[offsetof(DmUpdate, struct_size) == 0 ? 1 : -1];
-typedef char DmUpdate_bound[offsetof(DmUpdate, bound) == 4 ? 1 : -1];
-typedef char DmUpdate_ticket[offsetof(DmUpdate, ticket) == 8 ? 1 : -1];
-typedef char DmUpdate_coefficients[offsetof(DmUpdate, coefficients) == 24 ? 1 : -1];
-typedef char DmUpdate_passes[offsetof(DmUpdate, passes) == 32 ? 1 : -1];
-typedef char DmUpdate_rebuilt[offsetof(DmUpdate, rebuilt) == 40 ? 1 : -1];
-typedef char DmUpdate_dirty_blocks[offsetof(DmUpdate, dirty_blocks) == 48 ? 1 : -1];
-typedef char DmUpdate_rebuilt_blocks[offsetof(DmUpdate, rebuilt_blocks) == 56 ? 1 : -1];
-typedef char DmUpdate_bytes_moved[offsetof(DmUpdate, bytes_moved) == 64 ? 1 : -1];
-typedef char DmUpdate_bytes_floor[offsetof(DmUpdate, bytes_floor) == 72 ? 1 : -1];
-typedef char DmPoseView_sizeof[sizeof(DmPoseView) == 88 ? 1 : -1];
-typedef char DmPoseView_struct_size[offsetof(DmPoseView, struct_size) == 0 ? 1 : -1];
-typedef char DmPoseView_stride[offsetof(DmPoseView, stride) == 4 ? 1 : -1];
-typedef char DmPoseView_buffer[offsetof(DmPoseView, buffer) == 8 ? 1 : -1];
-typedef char DmPoseView_offset[offsetof(DmPoseView, offset) == 16 ? 1 : -1];
-typedef char DmPoseView_size[offsetof(DmPoseView, size) == 24 ? 1 : -1];
-typedef char DmPoseView_format[offsetof(DmPoseView, format) == 32 ? 1 : -1];
-typedef char DmPoseView_slot[offsetof(DmPoseView, slot) == 36 ? 1 : -1];
-typedef char DmPoseView_units[offsetof(DmPoseView, units) == 40 ? 1 : -1];
-typedef char DmPoseView_offsets[offsetof(DmPoseView, offsets) == 64 ? 1 : -1];
-typedef char DmStreamView_sizeof[sizeof(DmStreamView) == 72 ? 1 : -1];
-typedef char DmStreamView_struct_size[offsetof(DmStreamView, struct_size) == 0 ? 1 : -1];
-typedef char DmStreamView_stride[offsetof(DmStreamView, stride) == 4 ? 1 : -1];
-typedef char DmStreamView_buffer[offsetof(DmStreamView, buffer) == 8 ? 1 : -1];
-typedef char DmStreamView_offset[offsetof(DmStreamView, offset) == 16 ? 1 : -1];
-typedef char DmStreamView_components[offsetof(DmStreamView, components) == 24 ? 1 : -1];
-typedef char DmStreamView_format[offsetof(DmStreamView, format) == 28 ? 1 : -1];
-typedef char DmStreamView_units[offsetof(DmStreamView, units) == 32 ? 1 : -1];
-typedef char DmStreamView_offsets[offsetof(DmStreamView, offsets) == 48 ? 1 : -1];
-typedef char DmStreamView_slot[offsetof(DmStreamView, slot) == 64 ? 1 : -1];
-typedef char DmStreamView_reserved[offsetof(DmStreamView, reserved) == 68 ? 1 : -1];
-typedef char DmDecodeTarget_sizeof[sizeof(DmDecodeTarget) == 32 ? 1 : -1];
-typedef char DmDecodeTarget_struct_size[offsetof(DmDecodeTarget, struct_size) == 0 ? 1 : -1];
-typedef char DmDecodeTarget_stride[offsetof(DmDecodeTarget, stride) == 4 ? 1 : -1];
-typedef char DmDecodeTarget_buffer[offsetof(DmDecodeTarget, buffer) == 8 ? 1 : -1];
-typedef char DmDecodeTarget_offset[offsetof(DmDecodeTarget, offset) == 16 ? 1 : -1];
-typedef char DmDecodeTarget_normals[offsetof(DmDecodeTarget, normals) == 24 ? 1 : -1];
-typedef char DmDecodeTarget_reserved[offsetof(DmDecodeTarget, reserved) == 28 ? 1 : -1];
-typedef char DmNormalsTarget_sizeof[sizeof(DmNormalsTarget) == 24 ? 1 : -1];
-typedef char DmNormalsTarget_struct_size[offsetof(DmNormalsTarget, struct_size) == 0 ? 1 : -1];
-typedef char DmNormalsTarget_stride[offsetof(DmNormalsTarget, stride) == 4 ? 1 : -1];
-typedef char DmNormalsTarget_buffer[offsetof(DmNormalsTarget, buffer) == 8 ? 1 : -1];
-typedef char DmNormalsTarget_offset[offsetof(DmNormalsTarget, offset) == 16 ? 1 : -1];
-typedef char DmSkinDesc_sizeof[sizeof(DmSkinDesc) == 32 ? 1 : -1];
-typedef char DmSkinDesc_struct_size[offsetof(DmSkinDesc, struct_size) == 0 ? 1 : -1];
-typedef char DmSkinDesc_influences[offsetof(DmSkinDesc, influences) == 4 ? 1 : -1];
-typedef char DmSkinDesc_joints[offsetof(DmSkinDesc, joints) == 8 ? 1 : -1];
-typedef char DmSkinDesc_weights[offsetof(DmSkinDesc, weights) == 16 ? 1 : -1];
-typedef char DmSkinDesc_joint_count[offsetof(DmSkinDesc, joint_count) == 24 ? 1 : -1];
-typedef char DmSkinDesc_reserved[offsetof(DmSkinDesc, reserved) == 28 ? 1 : -1];
-typedef char DmSkinTarget_sizeof[sizeof(DmSkinTarget) == 72 ? 1 : -1];
-typedef char DmSkinTarget_struct_size[offsetof(DmSkinTarget, struct_size) == 0 ? 1 : -1];
-typedef char DmSkinTarget_stride[offsetof(DmSkinTarget, stride) == 4 ? 1 : -1];
-typedef char DmSkinTarget_buffer[offsetof(DmSkinTarget, buffer) == 8 ? 1 : -1];
-typedef char DmSkinTarget_offset[offsetof(DmSkinTarget, offset) == 16 ? 1 : -1];
-typedef char DmSkinTarget_second_buffer[offsetof(DmSkinTarget, second_buffer) == 24 ? 1 : -1];
-typedef char DmSkinTarget_second_offset[offsetof(DmSkinTarget, second_offset) == 32 ? 1 : -1];
-typedef char DmSkinTarget_joints[offsetof(DmSkinTarget, joints) == 40 ? 1 : -1];
-typedef char DmSkinTarget_joints_bytes[offsetof(DmSkinTarget, joints_bytes) == 48 ? 1 : -1];
-typedef char DmSkinTarget_joints_offset[offsetof(DmSkinTarget, joints_offset) == 56 ? 1 : -1];
-typedef char DmSkinTarget_normals[offsetof(DmSkinTarget, normals) == 64 ? 1 : -1];
-typedef char DmSkinTarget_method[offsetof(DmSkinTarget, method) == 68 ? 1 : -1];
-typedef char DmSkinnedView_sizeof[sizeof(DmSkinnedView) == 40 ? 1 : -1];
-typedef char DmSkinnedView_struct_size[offsetof(DmSkinnedView, struct_size) == 0 ? 1 : -1];
-typedef char DmSkinnedView_reserved[offsetof(DmSkinnedView, reserved) == 4 ? 1 : -1];
-typedef char DmSkinnedView_buffer[offsetof(DmSkinnedView, buffer) == 8 ? 1 : -1];
-typedef char DmSkinnedView_offset[offsetof(DmSkinnedView, offset) == 16 ? 1 : -1];
-typedef char DmSkinnedView_previous_buffer[offsetof(DmSkinnedView, previous_buffer) == 24 ? 1 : -1];
-typedef char DmSkinnedView_previous_offset[offsetof(DmSkinnedView, previous_offset) == 32 ? 1 : -1];
-typedef char DmClipInfo_sizeof[sizeof(DmClipInfo) == 16 ? 1 : -1];
-typedef char DmClipInfo_struct_size[offsetof(DmClipInfo, struct_size) == 0 ? 1 : -1];
-typedef char DmClipInfo_frame_count[offsetof(DmClipInfo, frame_count) == 4 ? 1 : -1];
-typedef char DmClipInfo_column_count[offsetof(DmClipInfo, column_count) == 8 ? 1 : -1];
-typedef char DmClipInfo_fps[offsetof(DmClipInfo, fps) == 12 ? 1 : -1];
-typedef char DmClipArrays_sizeof[sizeof(DmClipArrays) == 40 ? 1 : -1];
-typedef char DmClipArrays_struct_size[offsetof(DmClipArrays, struct_size) == 0 ? 1 : -1];
-typedef char DmClipArrays_frame_count[offsetof(DmClipArrays, frame_count) == 4 ? 1 : -1];
-typedef char DmClipArrays_column_count[offsetof(DmClipArrays, column_count) == 8 ? 1 : -1];
-typedef char DmClipArrays_fps[offsetof(DmClipArrays, fps) == 12 ? 1 : -1];
-typedef char DmClipArrays_name[offsetof(DmClipArrays, name) == 16 ? 1 : -1];
-typedef char DmClipArrays_names[offsetof(DmClipArrays, names) == 24 ? 1 : -1];
-typedef char DmClipArrays_values[offsetof(DmClipArrays, values) == 32 ? 1 : -1];
-#endif
-
-#endif /* DELTAMORPH_H */
+#endif  /* DELTAMORPH_H */

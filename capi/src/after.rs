@@ -1,7 +1,7 @@
 //! Steps after the pose, which write into buffers of the host's: decoded positions, normals of the morphed surface.
 //! Skinning is in [`skin`](crate::skin).
 
-use crate::arguments::{built, check_reserved, or};
+use crate::arguments::{check_reserved, or};
 use crate::attached::{self, Attached, check_buffer};
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle, handle};
 use crate::result::{DmResult, Result, enter};
@@ -53,8 +53,8 @@ fn decode_target(asked: &DmDecodeTarget) -> Result<DecodeTarget> {
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a mesh that
-/// exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+/// Errors: DM_ERROR_INVALID for a mesh that exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
+/// then.
 ///
 /// # Safety
 /// `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that computes normals with this surface;
@@ -67,7 +67,6 @@ pub unsafe extern "C" fn dm_surface_upload(
     surface: *mut DmSurface,
 ) -> DmResult {
     enter("dm_surface_upload", || {
-        built!("after", "steps after the pose");
         let make = |engine: &deltamorph::MorphEngine, mesh: &crate::mesh::Mesh| {
             let faces = &mesh.asset.faces;
             let corners: Vec<u32> = faces.corners.iter().map(|corner| corner.position).collect();
@@ -77,21 +76,6 @@ pub unsafe extern "C" fn dm_surface_upload(
         };
         // SAFETY: as above.
         unsafe { attached::upload((engine, cmd, mesh), (surface, "surface"), make) }
-    })
-}
-
-/// Free the staging memory of a surface.
-///
-/// # Safety
-/// The upload has run, or never will.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_surface_release_staging(surface: DmSurface) -> DmResult {
-    enter("dm_surface_release_staging", || {
-        attached::with(surface, |surface| {
-            // SAFETY: the caller's obligation.
-            unsafe { surface.release_staging() };
-            Ok(())
-        })
     })
 }
 
@@ -108,9 +92,8 @@ pub unsafe extern "C" fn dm_surface_destroy(surface: DmSurface) -> DmResult {
 /// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: stop; `surface`
 /// is ignored then.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, a surface of another engine or mesh, an offset or stride that does not fit. Nothing changes
-/// then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a surface of another engine or mesh, an offset or
+/// stride that does not fit. Nothing changes then.
 ///
 /// # Safety
 /// The same conditions as for `dm_crowd_set_decode_target`.
@@ -122,7 +105,6 @@ pub unsafe extern "C" fn dm_crowd_set_normals_target(
     target: *const DmNormalsTarget,
 ) -> DmResult {
     enter("dm_crowd_set_normals_target", || {
-        built!("after", "steps after the pose");
         let make = |asked: &DmNormalsTarget| {
             check_buffer(asked.buffer, "buffer")?;
             Ok(NormalsTarget { offset: asked.offset, stride: or(asked.stride, 12), ..NormalsTarget::new(asked.buffer) })

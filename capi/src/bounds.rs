@@ -1,6 +1,5 @@
 //! Bounds of poses from their weights, without a GPU.
 
-use crate::arguments::built;
 use crate::crowd::crowd_desc;
 use crate::handles::{DmMesh, DmWeightBounds, Handle, handle};
 use crate::memory::{check_place, fill, slice};
@@ -20,8 +19,8 @@ handle!(DmWeightBounds for WeightBounds);
 /// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones. The mesh may be
 /// destroyed afterwards.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for fixed-point
-/// poses that the mesh has no grid for; those of `dm_crowd_create` for invalid fields of `desc`.
+/// Errors: DM_ERROR_INVALID for fixed-point poses that the mesh has no grid for; those of `dm_crowd_create` for invalid
+/// fields of `desc`.
 ///
 /// # Safety
 /// `desc` as in `dm_crowd_create`; `bounds` can be written.
@@ -32,7 +31,6 @@ pub unsafe extern "C" fn dm_weight_bounds_create(
     bounds: *mut DmWeightBounds,
 ) -> DmResult {
     enter("dm_weight_bounds_create", || {
-        built!("after", "bounds from weights");
         check_place(bounds, "bounds")?;
         // SAFETY: the caller's obligation.
         let desc = unsafe { crowd_desc(desc, PoseFormat::Float32) }?;
@@ -49,8 +47,7 @@ pub unsafe extern "C" fn dm_weight_bounds_create(
 /// vertex, then the greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update
 /// that wrote the pose. For a mesh without vertices the least are infinite.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a wrong
-/// number of weights, a weight that is not finite.
+/// Errors: DM_ERROR_INVALID for a wrong number of weights, a weight that is not finite.
 ///
 /// # Safety
 /// There are `count` weights, and room for six numbers at `least_and_greatest`.
@@ -63,7 +60,6 @@ pub unsafe extern "C" fn dm_weight_bounds_of(
     least_and_greatest: *mut f32,
 ) -> DmResult {
     enter("dm_weight_bounds_of", || {
-        built!("after", "bounds from weights");
         // SAFETY: the caller's obligation.
         let weights = unsafe { slice(weights, count as usize, "weights") }?;
         let object = bounds.get()?;

@@ -1,14 +1,11 @@
 //! Clips of weights, and clips bound to the targets of a mesh.
 
-use crate::arguments::built;
 use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle, handle};
-use crate::memory::{Place, Versioned, check_place, fill, read, read_or_default, slice, text, text_or_empty};
-use crate::mesh::head_desc;
+use crate::memory::{Place, Versioned, check_place, fill, read, slice, text, text_or_empty};
 use crate::result::{DmResult, Failure, Result, enter};
-use crate::structs::{DmClipArrays, DmClipInfo, DmSampleDesc};
+use crate::structs::{DmClipArrays, DmClipInfo};
 use deltamorph::WeightClip;
 use deltamorph::import::open_clip;
-use deltamorph_head::head_clip;
 use std::ffi::c_char;
 use std::path::Path;
 
@@ -25,9 +22,6 @@ pub struct BoundClip {
 }
 
 handle!(DmBoundClip for BoundClip);
-
-/// The most weights of a clip of the built-in head.
-const CLIP_WEIGHTS: u64 = 1 << 24;
 
 /// Read a clip of weights: a CSV file (.csv; feature `csv`), or a glTF file (feature `gltf`), from which its only
 /// animation of weights is read, or the animation NAME with `FILE#NAME`. `fps` is its frame rate; 0: the rate stated in
@@ -80,40 +74,6 @@ pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: 
                 notes: vec![],
             };
             clip.write(DmClip::insert(Clip { clip: made }));
-        }
-        Ok(())
-    })
-}
-
-/// Make the clip of the built-in head that `sample` describes (null: the defaults). `fps` is its frame rate, from 0.1
-/// to 1000; 0: 30.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `sample`; DM_ERROR_INVALID for another
-/// frame rate, more than 2^24 weights (frames times targets), or values of `sample` that `dm_mesh_sample_head` refuses.
-///
-/// # Safety
-/// `sample` is null (the defaults) or a structure; `clip` can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_clip_sample_head(
-    sample: *const DmSampleDesc,
-    frame_count: u32,
-    fps: f32,
-    clip: *mut DmClip,
-) -> DmResult {
-    enter("dm_clip_sample_head", || {
-        built!("sample", "the built-in head");
-        check_place(clip, "clip")?;
-        // SAFETY: the caller's obligations; `clip` was checked.
-        unsafe {
-            let desc = head_desc(&read_or_default(sample)?)?;
-            if !(fps == 0.0 || (0.1..=1000.0).contains(&fps)) {
-                return Err(Failure::invalid(format!("{fps} frames per second; use a number from 0.1 to 1000")));
-            }
-            if u64::from(frame_count) * desc.targets as u64 > CLIP_WEIGHTS {
-                let what = format!("{frame_count} frames of {} targets", desc.targets);
-                return Err(Failure::invalid(format!("{what}, more than 2^24 weights; use fewer frames")));
-            }
-            clip.write(DmClip::insert(Clip { clip: head_clip(&desc, frame_count as usize, fps) }));
         }
         Ok(())
     })

@@ -1,6 +1,6 @@
 //! Crowds on the device: made, changed, destroyed.
 
-use crate::arguments::{built, check_command_buffer, check_reserved, or};
+use crate::arguments::{check_command_buffer, check_reserved, or};
 use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmGpuMesh, Handle, handle};
 use crate::memory::{check_place, read, read_or_default, slice, text};
@@ -138,7 +138,6 @@ unsafe fn level(desc: *const DmLevelDesc) -> Result<Option<Importance>> {
     if desc.is_null() {
         return Ok(None);
     }
-    built!("level", "levels of detail");
     // SAFETY: the caller's obligation.
     let asked = unsafe { read(desc) }?;
     let mesh = asked.mesh.get()?;
@@ -200,7 +199,7 @@ pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDe
 /// `frames_in_flight` of the description.
 ///
 /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
-/// TRANSFER_WRITE; last COMPUTE_SHADER). Call `dm_crowd_release_staging` once it has run.
+/// TRANSFER_WRITE; last COMPUTE_SHADER). Call `dm_release_staging` once it has run.
 ///
 /// Errors: those of `dm_crowd_create`; clips that do not fit the mesh; float32 poses. Nothing is recorded then.
 ///
@@ -243,23 +242,6 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
             crowd.write(insert(Kind::Animated(made), mesh.engine.clone()));
         }
         Ok(())
-    })
-}
-
-/// Free the staging memory of an animated crowd's clips.
-///
-/// Errors: DM_ERROR_INVALID for a crowd that plays no clips.
-///
-/// # Safety
-/// The upload has run, or never will.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_crowd_release_staging(crowd: DmCrowd) -> DmResult {
-    enter("dm_crowd_release_staging", || {
-        with(crowd, |state| {
-            // SAFETY: the caller's obligation.
-            unsafe { state.animated()?.release_staging() };
-            Ok(())
-        })
     })
 }
 
@@ -347,12 +329,9 @@ pub extern "C" fn dm_crowd_set_time(crowd: DmCrowd, seconds: f64) -> DmResult {
 /// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
 /// animated crowd made with DmAnimationDesc::level. A number at or above the number of targets keeps all.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an instance
-/// out of range, a level below 0 or not a number, a crowd without levels of detail or one that plays no clips.
+/// Errors: DM_ERROR_INVALID for an instance out of range, a level below 0 or not a number, a crowd without levels of
+/// detail or one that plays no clips.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_level(crowd: DmCrowd, instance: u32, level: f32) -> DmResult {
-    enter("dm_crowd_set_level", || {
-        built!("level", "levels of detail");
-        with(crowd, |state| Ok(state.animated()?.set_level(instance, level)?))
-    })
+    enter("dm_crowd_set_level", || with(crowd, |state| Ok(state.animated()?.set_level(instance, level)?)))
 }

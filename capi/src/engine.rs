@@ -1,11 +1,11 @@
 //! The engine on a device of the host's.
 
 use crate::allocate::Functions;
-use crate::arguments::{built, check_reserved};
+use crate::arguments::check_reserved;
 use crate::handles::{DmEngine, Handle, handle};
 use crate::memory::{Place, Versioned, characters, check_place, read, slice};
 use crate::result::{DmResult, Failure, Result, enter};
-use crate::structs::{DmEngineDesc, DmEngineInfo, DmMemory, DmMemoryUse};
+use crate::structs::{DmEngineDesc, DmEngineInfo, DmMemoryUse};
 use deltamorph::ash::vk::{self, Handle as _};
 use deltamorph::memory::{MemorySource, MemoryUse};
 use deltamorph::{DeviceCaps, DeviceDesc, MorphEngine, ash};
@@ -97,15 +97,12 @@ unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
 fn memory(desc: &DmEngineDesc) -> Result<Option<Arc<dyn MemorySource>>> {
     match (desc.allocate_memory, desc.free_memory) {
         (None, None) => Ok(None),
-        (Some(allocate), Some(free)) => {
-            built!("memory", "memory of the host's");
-            Ok(Some(Arc::new(Functions { allocate, free, user: desc.memory_user })))
-        }
+        (Some(allocate), Some(free)) => Ok(Some(Arc::new(Functions { allocate, free, user: desc.memory_user }))),
         _ => Err(Failure::invalid("'allocate_memory' without 'free_memory', or the reverse; set both or neither")),
     }
 }
 
-/// Write the properties of an engine's device.
+/// Write the properties of an engine's device, and how much memory the engine and all objects made with it take.
 ///
 /// # Safety
 /// `info` is a structure that can be written.
@@ -116,38 +113,20 @@ pub unsafe extern "C" fn dm_engine_info(engine: DmEngine, info: *mut DmEngineInf
         let place = unsafe { Place::new(info) }?;
         let engine = engine.get()?;
         let caps = engine.morph.caps();
+        let memory = engine.morph.memory();
+        let of = |used: MemoryUse| DmMemoryUse { bytes: used.bytes, allocations: used.allocations };
         place.write(DmEngineInfo {
             is_software: caps.is_software().into(),
             max_storage_range: caps.max_storage_range,
-            allocated_bytes: engine.morph.allocated_bytes(),
+            allocated_bytes: memory.allocated,
             device_name: characters(&caps.name),
+            meshes: of(memory.meshes),
+            poses: of(memory.poses),
+            animation: of(memory.animation),
+            lists: of(memory.lists),
+            staging: of(memory.staging),
+            readback: of(memory.readback),
             ..DmEngineInfo::zeroed()
-        });
-        Ok(())
-    })
-}
-
-/// Write how much memory the engine and all objects made with it take, by what it is for.
-///
-/// # Safety
-/// `memory` is a structure that can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_engine_memory(engine: DmEngine, memory: *mut DmMemory) -> DmResult {
-    enter("dm_engine_memory", || {
-        built!("memory", "statistics of memory");
-        // SAFETY: the caller's obligation.
-        let place = unsafe { Place::new(memory) }?;
-        let found = engine.get()?.morph.memory();
-        let of = |used: MemoryUse| DmMemoryUse { bytes: used.bytes, allocations: used.allocations };
-        place.write(DmMemory {
-            allocated: found.allocated,
-            meshes: of(found.meshes),
-            poses: of(found.poses),
-            animation: of(found.animation),
-            lists: of(found.lists),
-            staging: of(found.staging),
-            readback: of(found.readback),
-            ..DmMemory::zeroed()
         });
         Ok(())
     })

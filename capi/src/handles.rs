@@ -176,6 +176,11 @@ pub trait Handle: Copy {
 //     [ kind ][ number, from 1 on   ]
 const KIND_SHIFT: u32 = 56;
 
+/// Whether `bits` are of this kind.
+pub fn is_kind(bits: u64, kind: Kind) -> bool {
+    bits >> KIND_SHIFT == kind as u64
+}
+
 /// Checks that `bits` are of this kind.
 #[inline(never)]
 fn check(wanted_kind: u8, bits: u64) -> Result<()> {

@@ -12,11 +12,11 @@ pub mod attached;
 pub mod bounds;
 pub mod clip;
 pub mod crowd;
-pub mod destroy;
 pub mod engine;
 pub mod handles;
 #[cfg(test)]
 mod header;
+pub mod lifetime;
 pub mod memory;
 pub mod mesh;
 pub mod numbers;
@@ -24,6 +24,8 @@ pub mod queries;
 pub mod readback;
 pub mod record;
 pub mod result;
+#[cfg(feature = "sample")]
+pub mod sample;
 pub mod skin;
 pub mod structs;
 pub mod tickets;

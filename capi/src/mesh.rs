@@ -1,16 +1,15 @@
 //! Meshes in memory: imported, and packed for the device.
 
-use crate::arguments::{built, check_reserved, or};
+use crate::arguments::{check_reserved, or};
 use crate::handles::{DmMesh, Handle, handle};
 use crate::memory::{array, check_place, read, read_or_default, slice, text, text_or_empty};
 use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, DM_MESSAGE_NOTE, delta_format};
 use crate::result::{DmResult, Failure, Result, c_string, enter};
-use crate::structs::{DmMeshArrays, DmMeshDesc, DmSampleDesc};
+use crate::structs::{DmMeshArrays, DmMeshDesc};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, open};
 use deltamorph::{
     Asset, BlockDesc, MeshArrays, MorphMesh, MorphSource, PackDesc, PackedLayout, PackedMesh, TargetArrays, Tolerance,
 };
-use deltamorph_head::{HeadDesc, head};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 
@@ -75,7 +74,7 @@ impl DmMeshDesc {
 }
 
 impl Mesh {
-    fn of_source(mut source: MorphSource, desc: &DmMeshDesc) -> Result<Self> {
+    pub(crate) fn of_source(mut source: MorphSource, desc: &DmMeshDesc) -> Result<Self> {
         desc.tell(&source.notes);
         if desc.has(DM_MESH_SPLIT)? {
             source = source.split()?;
@@ -110,32 +109,11 @@ impl Mesh {
     }
 }
 
-/// Limits on the vertices of the built-in head, and on vertices times targets: some gigabytes.
-const HEAD_VERTICES: usize = 10_000_000;
-const HEAD_DELTAS: u64 = 1 << 28;
-
-/// The description of the built-in head.
-pub(crate) fn head_desc(sample: &DmSampleDesc) -> Result<HeadDesc> {
-    let default = HeadDesc::default();
-    let vertices = or(sample.vertices as usize, default.vertices);
-    let targets = or(sample.targets as usize, default.targets);
-    let sparsity = or(sample.sparsity, default.sparsity);
-    let seed = or(sample.seed, default.seed);
-    if vertices > HEAD_VERTICES || vertices as u64 * targets as u64 > HEAD_DELTAS {
-        let most = "use 10,000,000 vertices at most, and 2^28 for vertices times targets";
-        return Err(Failure::invalid(format!("a head of {vertices} vertices and {targets} targets; {most}")));
-    }
-    if !(sparsity > 0.0 && sparsity <= 1.0) {
-        return Err(Failure::invalid(format!("a sparsity of {sparsity}; use a number above 0 and at most 1")));
-    }
-    Ok(HeadDesc { vertices, targets, sparsity, seed })
-}
-
 /// The common part of entries that make a mesh.
 ///
 /// # Safety
 /// The conditions of [`read_or_default`]; `out` is null or can be written.
-unsafe fn create(
+pub(crate) unsafe fn create(
     function: &str,
     desc: *const DmMeshDesc,
     out: *mut DmMesh,
@@ -274,29 +252,6 @@ unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<MorphSource> {
 unsafe fn optional<'a, T>(pointer: *const T, count: usize, what: &str) -> Result<&'a [T]> {
     // SAFETY: the caller's obligation.
     if pointer.is_null() { Ok(&[]) } else { unsafe { slice(pointer, count, what) } }
-}
-
-/// Make the built-in head that `sample` describes (null: the defaults).
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `sample`; DM_ERROR_INVALID for invalid
-/// fields of `sample` or `desc`: more than 10,000,000 vertices, or 2^28 for vertices times targets.
-///
-/// # Safety
-/// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_mesh_sample_head(
-    sample: *const DmSampleDesc,
-    desc: *const DmMeshDesc,
-    mesh: *mut DmMesh,
-) -> DmResult {
-    let make = |desc: &DmMeshDesc| {
-        built!("sample", "the built-in head");
-        // SAFETY: the caller's obligation.
-        let sample = unsafe { read_or_default(sample) }?;
-        Mesh::of_source(head(&head_desc(&sample)?), desc)
-    };
-    // SAFETY: the caller's obligations.
-    unsafe { create("dm_mesh_sample_head", desc, mesh, make) }
 }
 
 /// Destroy a mesh, with the names of its targets. Objects made from it stay.

@@ -27,61 +27,37 @@ fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
     }
 }
 
-/// Record the update of all instances of a crowd to the requested weights, or to the time set.
+/// Record the updates of all instances of one or more crowds of an engine to the requested weights, or to the time set.
+/// They share their barriers.
 ///
 /// This records nothing if no weight changed; otherwise the passes of the plan with the barriers that they need. First
-/// stages: those of the crowd's consumers (reads of earlier poses) and the path's own; last: the consumers', by default
+/// stages: those of the crowds' consumers (reads of earlier poses) and the paths' own; last: the consumers', by default
 /// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ. It replaces the bound compute
 /// pipeline, its set 0 and push constants; on `DM_PATH_FEEDBACK` the bound graphics pipeline, vertex bindings from 0
 /// on, push constants and transform-feedback binding 0.
 ///
-/// Errors: after an error nothing is recorded.
+/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, crowds of several engines, or for queues of
+/// several families. Nothing is recorded after an error.
 ///
 /// # Safety
 /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
 ///   active conditional rendering, on a queue of DmCrowdDesc::queue_family, or else with graphics and compute. No other
 ///   thread uses it meanwhile.
-/// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or
-///   it never runs, and `dm_crowd_discard` is called with the ticket before any later update of the crowd is submitted.
-///   Updates recorded after it are discarded with it, and never run either.
-/// - With this one, at most DmCrowdDesc::frames_in_flight updates of the crowd are recorded and not yet finished.
+/// - It runs exactly once, after the upload of the meshes and all earlier updates of the crowds, and before later ones;
+///   or it never runs, and `dm_crowd_discard` is called with the ticket of each crowd before any later update of that
+///   crowd is submitted. Updates recorded after it are discarded with it, and never run either.
+/// - With this one, at most DmCrowdDesc::frames_in_flight updates of each crowd are recorded and not yet finished.
 /// - After `DM_ERROR_PANIC` the command buffer does not run.
-/// - `update` is null or a structure that can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_record_update(cmd: vk::CommandBuffer, crowd: DmCrowd, update: *mut DmUpdate) -> DmResult {
-    enter("dm_record_update", || {
-        let object = crowd.get()?;
-        check_command_buffer(cmd)?;
-        // SAFETY: the caller's obligation.
-        let place = unsafe { Place::new_or_null(update) }?;
-        let mut state = lock(&object.state)?;
-        // SAFETY: the caller's obligations.
-        let recorded = unsafe { object.engine.morph.record_update(cmd, state.any()) }?;
-        let number = state.tickets.push(recorded.ticket);
-        if let Some(place) = place {
-            place.write(told(crowd, number, &recorded));
-        }
-        Ok(())
-    })
-}
-
-/// Record the updates of several crowds of one engine, as `dm_record_update` does for one. They share their barriers.
-///
-/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, crowds of several engines, or for queues of
-/// several families. Nothing is recorded then.
-///
-/// # Safety
-/// - The conditions of `dm_record_update`, for each crowd.
 /// - There are `count` crowds; `updates` is null or an array of as many structures that can be written, each with its
 ///   size.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_record_updates(
+pub unsafe extern "C" fn dm_record_update(
     cmd: vk::CommandBuffer,
     count: u32,
     crowds: *const DmCrowd,
     updates: *mut DmUpdate,
 ) -> DmResult {
-    enter("dm_record_updates", || {
+    enter("dm_record_update", || {
         // SAFETY: the caller's obligation.
         let handles = unsafe { slice(crowds, count as usize, "crowds") }?;
         // SAFETY: as above.
@@ -112,7 +88,7 @@ pub unsafe extern "C" fn dm_record_updates(
 /// Output pointers for `count` updates; empty if `updates` is null.
 ///
 /// # Safety
-/// The conditions of [`dm_record_updates`].
+/// The conditions of [`dm_record_update`].
 unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<DmUpdate>>>> {
     let mut all = vec![];
     let mut next = updates;

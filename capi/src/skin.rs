@@ -1,6 +1,6 @@
 //! Skinned poses.
 
-use crate::arguments::{built, check_reserved, or};
+use crate::arguments::{check_reserved, or};
 use crate::attached::{self, Attached, check_buffer};
 use crate::crowd::with;
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, Handle, handle};
@@ -18,9 +18,9 @@ handle!(DmSkin for Attached<GpuSkin>);
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a number of
-/// influences other than 4 or 8, or of joints outside of 1 to 65,536; a weight that is negative or not a number;
-/// weights of a vertex that sum to 0; a joint out of range; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+/// Errors: DM_ERROR_INVALID for a number of influences other than 4 or 8, or of joints outside of 1 to 65,536; a weight
+/// that is negative or not a number; weights of a vertex that sum to 0; a joint out of range; DM_ERROR_OUT_OF_MEMORY.
+/// Nothing is recorded then.
 ///
 /// # Safety
 /// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that uses this skin.
@@ -35,7 +35,6 @@ pub unsafe extern "C" fn dm_skin_upload(
     skin: *mut DmSkin,
 ) -> DmResult {
     enter("dm_skin_upload", || {
-        built!("after", "steps after the pose");
         // SAFETY: the caller's obligations.
         let make = |engine: &deltamorph::MorphEngine, mesh: &crate::mesh::Mesh| unsafe {
             let asked = read(desc)?;
@@ -52,21 +51,6 @@ pub unsafe extern "C" fn dm_skin_upload(
     })
 }
 
-/// Free the staging memory of a skin.
-///
-/// # Safety
-/// The upload has run, or never will.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_skin_release_staging(skin: DmSkin) -> DmResult {
-    enter("dm_skin_release_staging", || {
-        attached::with(skin, |skin| {
-            // SAFETY: the caller's obligation.
-            unsafe { skin.release_staging() };
-            Ok(())
-        })
-    })
-}
-
 /// Destroy a skin. Instances that are skinned by it keep the data that they need.
 ///
 /// # Safety
@@ -80,9 +64,8 @@ pub unsafe extern "C" fn dm_skin_destroy(skin: DmSkin) -> DmResult {
 /// is ignored then. If joints moved (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the
 /// vertices that the update changed. What is written is ready for the crowd's consumers.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, a skin of another engine or mesh, an offset or stride that does not fit, joints that reach
-/// beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
+/// stride that does not fit, joints that reach beyond their buffer. Nothing changes then.
 ///
 /// # Safety
 /// - The conditions of `dm_crowd_set_decode_target`, for all buffers.
@@ -96,7 +79,6 @@ pub unsafe extern "C" fn dm_crowd_set_skin_target(
     target: *const DmSkinTarget,
 ) -> DmResult {
     enter("dm_crowd_set_skin_target", || {
-        built!("after", "steps after the pose");
         // SAFETY: the caller's obligations.
         unsafe {
             attached::set_target(crowd, target, skin_target, |state, engine, target| {
@@ -128,27 +110,22 @@ fn skin_target(asked: &DmSkinTarget) -> Result<SkinTarget> {
 /// their buffer, in bytes, a multiple of 16. The offset may stay the same if the host's barriers order its writes; with
 /// several frames in flight and joints that the host writes, use several offsets in turn.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, or not skinned; joints that reach beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; joints that reach beyond their
+/// buffer. Nothing changes then.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64) -> DmResult {
-    enter("dm_crowd_set_joints", || {
-        built!("after", "steps after the pose");
-        with(crowd, |state| Ok(state.crowd().set_joints(instance, offset)?))
-    })
+    enter("dm_crowd_set_joints", || with(crowd, |state| Ok(state.crowd().set_joints(instance, offset)?)))
 }
 
 /// Get the buffer and offset of the skinned pose of an instance, valid once the updates recorded so far have run.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, or not skinned; those of `dm_crowd_pose`.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; those of `dm_crowd_pose`.
 ///
 /// # Safety
 /// `view` is a structure that can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_skinned(crowd: DmCrowd, instance: u32, view: *mut DmSkinnedView) -> DmResult {
     enter("dm_crowd_skinned", || {
-        built!("after", "steps after the pose");
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(view) }?;
         let found = with(crowd, |state| Ok(state.crowd().skinned(instance)?))?;

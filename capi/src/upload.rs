@@ -4,7 +4,7 @@ use crate::arguments::check_command_buffer;
 use crate::engine::Engine;
 use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle, handle};
 use crate::memory::check_place;
-use crate::result::{DmResult, enter, lock};
+use crate::result::{DmResult, enter};
 use deltamorph::ash::vk;
 use std::sync::{Arc, Mutex};
 
@@ -46,20 +46,6 @@ pub unsafe extern "C" fn dm_mesh_upload(
             let mesh = Mutex::new(engine.morph.upload(cmd, &mesh.asset.mesh)?);
             gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine }));
         }
-        Ok(())
-    })
-}
-
-/// Free the staging memory of an upload.
-///
-/// # Safety
-/// The upload has run, or never will.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_gpu_mesh_release_staging(mesh: DmGpuMesh) -> DmResult {
-    enter("dm_gpu_mesh_release_staging", || {
-        let mesh = mesh.get()?;
-        // SAFETY: the caller's obligation.
-        unsafe { lock(&mesh.mesh)?.release_staging() };
         Ok(())
     })
 }

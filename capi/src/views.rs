@@ -6,12 +6,12 @@ use crate::memory::{Place, Versioned};
 use crate::numbers::{pose_number, semantic};
 use crate::result::{DmResult, enter};
 use crate::structs::{DmPoseView, DmStreamView};
+use deltamorph::ash::vk;
 use deltamorph::{PoseView, StreamView};
 
-/// A pose; `None`: a null buffer.
-pub(crate) fn pose_view(view: Option<PoseView>) -> DmPoseView {
-    let none = DmPoseView::zeroed();
-    view.map_or(none, |view| DmPoseView {
+/// A pose, and the one before it, if it is there.
+fn pose_view(view: &PoseView, previous: Option<&PoseView>) -> DmPoseView {
+    DmPoseView {
         stride: view.stride,
         buffer: view.buffer,
         offset: view.offset,
@@ -20,8 +20,10 @@ pub(crate) fn pose_view(view: Option<PoseView>) -> DmPoseView {
         slot: view.slot,
         units: view.units,
         offsets: view.offsets,
-        ..none
-    })
+        previous_buffer: previous.map_or(vk::Buffer::null(), |previous| previous.buffer),
+        previous_offset: previous.map_or(0, |previous| previous.offset),
+        ..DmPoseView::zeroed()
+    }
 }
 
 pub(crate) fn stream_view(view: &StreamView) -> DmStreamView {
@@ -38,7 +40,8 @@ pub(crate) fn stream_view(view: &StreamView) -> DmStreamView {
     }
 }
 
-/// Get the buffer and layout of an instance's pose, which is there once the updates recorded so far have run.
+/// Get the buffer and layout of an instance's pose, and of the pose before its last update, for motion vectors. They are
+/// there once the updates recorded so far have run.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed; if no update was recorded yet, or the instance's
 /// update was discarded.
@@ -50,26 +53,11 @@ pub unsafe extern "C" fn dm_crowd_pose(crowd: DmCrowd, instance: u32, view: *mut
     enter("dm_crowd_pose", || {
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(view) }?;
-        let found = with(crowd, |state| Ok(state.crowd().pose(instance)?))?;
-        place.write(pose_view(Some(found)));
-        Ok(())
-    })
-}
-
-/// Get the buffer and layout of an instance's pose before its last update: the pose itself if nothing changed, on its
-/// first update, and after `dm_crowd_reset_history`. The buffer is null if the update had to overwrite it.
-///
-/// Errors: those of `dm_crowd_pose`.
-///
-/// # Safety
-/// `view` is a structure that can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_crowd_previous_pose(crowd: DmCrowd, instance: u32, view: *mut DmPoseView) -> DmResult {
-    enter("dm_crowd_previous_pose", || {
-        // SAFETY: the caller's obligation.
-        let place = unsafe { Place::new(view) }?;
-        let found = with(crowd, |state| Ok(state.crowd().previous_pose(instance)?))?;
-        place.write(pose_view(found));
+        let (found, previous) = with(crowd, |state| {
+            let crowd = state.crowd();
+            Ok((crowd.pose(instance)?, crowd.previous_pose(instance)?))
+        })?;
+        place.write(pose_view(&found, previous.as_ref()));
         Ok(())
     })
 }

@@ -106,9 +106,9 @@ static void keep_fewer_targets(const Host *host, DmEngine engine, DmMesh mesh, D
     DM(dm_crowd_set_level(crowd, 0, 1));
     DM(dm_crowd_set_level(crowd, 1, 1));
     DM(dm_crowd_set_time(crowd, 0.3));
-    DM(dm_record_update(host->cmd, crowd, NULL));
+    DM(dm_record_update(host->cmd, 1, &crowd, NULL));
     host_submit_and_wait(host);
-    DM(dm_crowd_release_staging(crowd));
+    DM(dm_release_staging(crowd.bits));
     for (uint32_t instance = 0; instance < 3; instance++)
         read_pose(host, readback, crowd, instance, poses + instance * VERTICES * FLOATS);
     const size_t bytes = VERTICES * FLOATS * sizeof *poses;
@@ -128,13 +128,13 @@ static void add_to_players(const Host *host, DmEngine engine, DmMesh mesh, DmRea
     const DmCrowd crowd = player.crowd;
     DM(dm_crowd_remove(crowd, 1));
     DM(dm_crowd_set_time(crowd, 0.2));
-    DM(dm_record_update(host->cmd, crowd, NULL));
+    DM(dm_record_update(host->cmd, 1, &crowd, NULL));
     host_submit_and_wait(host);
-    DM(dm_crowd_release_staging(crowd));
+    DM(dm_release_staging(crowd.bits));
     host_begin(host);
     DM(dm_crowd_add(crowd, &added));
     DM(dm_crowd_play(crowd, added, &playback));
-    DM(dm_record_update(host->cmd, crowd, NULL));
+    DM(dm_record_update(host->cmd, 1, &crowd, NULL));
     host_submit_and_wait(host);
     for (uint32_t instance = 0; instance < 2; instance++)
         read_pose(host, readback, crowd, instance, poses + instance * VERTICES * FLOATS);
@@ -166,7 +166,7 @@ int main(int argc, char **argv) {
     host_begin(&host);
     DM(dm_mesh_upload(engine, host.cmd, mesh, &uploaded));
     host_submit_and_wait(&host);
-    DM(dm_gpu_mesh_release_staging(uploaded));
+    DM(dm_release_staging(uploaded.bits));
 
     const DmCrowdDesc desc = {.struct_size = sizeof desc, .instances = 2, .queue_family = &family,
                               .consumers = DM_READ_BY_VERTEX_ATTRIBUTES | DM_READ_BY_COPIES};
@@ -192,7 +192,7 @@ int main(int argc, char **argv) {
         if (step == ADDED) DM(dm_crowd_add(crowd, &added));
         host_begin(&host);
         for (uint32_t i = 0; i <= added; i++) DM(dm_crowd_set_weights(crowd, i, weights, TARGETS));
-        DM(dm_record_update(host.cmd, crowd, NULL));
+        DM(dm_record_update(host.cmd, 1, &crowd, NULL));
         host_submit_and_wait(&host);
         for (uint32_t i = 0; i <= added; i++) {
             read_pose(&host, readback, crowd, i, pose);

@@ -241,14 +241,14 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     DmGpuMesh uploaded = {0}, elsewhere = {0};
     INVALID("'cmd' is null", dm_mesh_upload(engine, NULL, mesh, &uploaded));
     HANDLE("null handle in place of an engine", dm_mesh_upload((DmEngine){0}, NULL, mesh, &uploaded));
-    HANDLE("null handle in place of a crowd", dm_record_update(NULL, no_crowd, NULL));
+    HANDLE("null handle in place of a crowd", dm_record_update(NULL, 1, &no_crowd, NULL));
     host_begin(host);
     HANDLE("null handle in place of a mesh", dm_mesh_upload(engine, host->cmd, no_mesh, &uploaded));
     INVALID("'gpu_mesh' is a null pointer", dm_mesh_upload(engine, host->cmd, mesh, NULL));
     WORKS(dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
     WORKS(dm_mesh_upload(other, host->cmd, dense, &elsewhere));
     host_submit_and_wait(host);
-    WORKS(dm_gpu_mesh_release_staging(uploaded));
+    WORKS(dm_release_staging(uploaded.bits));
     DmPoseView pose = {.struct_size = sizeof pose};
     DmStreamView stream = {.struct_size = sizeof stream};
     INVALID("the engine is used by 1 DmGpuMesh; destroy", dm_engine_destroy(engine));
@@ -272,7 +272,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     INVALID("weights", dm_crowd_set_weights(crowd, 0, weights, 2));
     INVALID("instance", dm_crowd_set_weights(crowd, 1, weights, 3));
     INVALID("plays no clips", dm_crowd_set_time(crowd, 1));
-    INVALID("plays no clips", dm_crowd_release_staging(crowd));
+    INVALID("plays no clips", dm_release_staging(crowd.bits));
     INVALID("place", dm_crowd_add(crowd, &instance));
     HOLDS(instance == 9);
     INVALID("instance", dm_crowd_reset_history(crowd, 1));
@@ -280,16 +280,16 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     INVALID("instance", dm_crowd_remove(crowd, 7));
     INVALID("update 1 of 0", dm_crowd_discard(crowd, (DmTicket){crowd.bits, 1}));
     WORKS(dm_crowd_set_weights(crowd, 0, weights, 3));
-    INVALID("'cmd' is null", dm_record_update(NULL, crowd, &update));
+    INVALID("'cmd' is null", dm_record_update(NULL, 1, &crowd, &update));
 
     host_begin(host);
-    HANDLE("null handle in place of a crowd", dm_record_update(host->cmd, no_crowd, &update));
-    INVALID("an update of an empty list of crowds", dm_record_updates(host->cmd, 0, NULL, NULL));
-    INVALID("named twice", dm_record_updates(host->cmd, 2, (DmCrowd[]){crowd, crowd}, NULL));
-    INVALID("several engines", dm_record_updates(host->cmd, 2, (DmCrowd[]){crowd, far}, NULL));
-    INVALID("'crowds' is a null pointer", dm_record_updates(host->cmd, 2, NULL, NULL));
-    INVALID("struct_size of 0", dm_record_update(host->cmd, crowd, &(DmUpdate){0}));
-    WORKS(dm_record_update(host->cmd, crowd, &update)); /* never runs */
+    HANDLE("null handle in place of a crowd", dm_record_update(host->cmd, 1, &no_crowd, &update));
+    INVALID("an update of an empty list of crowds", dm_record_update(host->cmd, 0, NULL, NULL));
+    INVALID("named twice", dm_record_update(host->cmd, 2, (DmCrowd[]){crowd, crowd}, NULL));
+    INVALID("several engines", dm_record_update(host->cmd, 2, (DmCrowd[]){crowd, far}, NULL));
+    INVALID("'crowds' is a null pointer", dm_record_update(host->cmd, 2, NULL, NULL));
+    INVALID("struct_size of 0", dm_record_update(host->cmd, 1, &crowd, &(DmUpdate){0}));
+    WORKS(dm_record_update(host->cmd, 1, &crowd, &update)); /* never runs */
     HOLDS(update.ticket.number == 1 && update.ticket.crowd == crowd.bits && update.coefficients == 3);
     INVALID("the ticket of another crowd", dm_crowd_discard(second, update.ticket));
     VK(vkEndCommandBuffer(host->cmd));
@@ -298,13 +298,12 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     INVALID("no pose yet", dm_crowd_pose(crowd, 0, &pose));
     host_begin(host);
     DmUpdate updates[2] = {update, again};
-    WORKS(dm_record_updates(host->cmd, 2, (DmCrowd[]){second, crowd}, updates));
+    WORKS(dm_record_update(host->cmd, 2, (DmCrowd[]){second, crowd}, updates));
     host_submit_and_wait(host);
     HOLDS(updates[0].ticket.crowd == second.bits && updates[1].ticket.crowd == crowd.bits);
     HOLDS(updates[0].ticket.number == 1 && updates[1].ticket.number == 2);
     WORKS(dm_crowd_pose(crowd, 0, &pose));
     HOLDS(pose.buffer && pose.stride == 24 && pose.format == DM_POSE_FLOAT32 && pose.units[5] == 1 && !pose.offsets[5]);
-    WORKS(dm_crowd_previous_pose(crowd, 0, &pose));
     WORKS(dm_crowd_stream(crowd, 0, DM_STREAM_NORMAL, &stream));
     HOLDS(stream.components == 3 && stream.buffer);
     INVALID("stream", dm_crowd_stream(crowd, 0, DM_STREAM_TANGENT, &stream));
@@ -343,9 +342,9 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     WORKS(dm_crowd_play(animated, 0, &playback));
     INVALID("NaN", dm_crowd_set_time(animated, NAN));
     WORKS(dm_crowd_set_time(animated, 0.1));
-    WORKS(dm_record_update(host->cmd, animated, NULL));
+    WORKS(dm_record_update(host->cmd, 1, &animated, NULL));
     host_submit_and_wait(host);
-    WORKS(dm_crowd_release_staging(animated));
+    WORKS(dm_release_staging(animated.bits));
     steps(host, engine, other, mesh, dense, uploaded, crowd, animated, far);
     more(host, mesh, uploaded, crowd, animated);
 
@@ -360,7 +359,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     WORKS(dm_gpu_mesh_destroy(elsewhere));
     WORKS(dm_mesh_destroy(dense));
     HANDLE("was destroyed", dm_crowd_pose(crowd, 0, &pose));
-    HANDLE("was destroyed", dm_record_update(host->cmd, crowd, NULL));
+    HANDLE("was destroyed", dm_record_update(host->cmd, 1, &crowd, NULL));
     WORKS(dm_engine_destroy(other));
     WORKS(dm_engine_destroy(engine));
     HANDLE("was destroyed", dm_engine_destroy(engine));

@@ -110,16 +110,16 @@ static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mes
     memories.most = 100;
     WORKS(dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
     host_submit_and_wait(host);
-    WORKS(dm_gpu_mesh_release_staging(uploaded));
+    WORKS(dm_release_staging(uploaded.bits));
     WORKS(dm_crowd_create(uploaded, NULL, &crowd));
     host_begin(host);
-    WORKS(dm_record_update(host->cmd, crowd, NULL));
+    WORKS(dm_record_update(host->cmd, 1, &crowd, NULL));
     host_submit_and_wait(host);
 
-    DmMemory memory = {.struct_size = sizeof memory};
-    WORKS(dm_engine_memory(engine, &memory));
+    DmEngineInfo memory = {.struct_size = sizeof memory};
+    WORKS(dm_engine_info(engine, &memory));
     HOLDS(memory.meshes.allocations + memory.poses.allocations + memory.lists.allocations == memories.live);
-    HOLDS(memory.meshes.bytes > 0 && memory.staging.bytes == 0 && memory.allocated >= memory.poses.bytes);
+    HOLDS(memory.meshes.bytes > 0 && memory.staging.bytes == 0 && memory.allocated_bytes >= memory.poses.bytes);
     WORKS(dm_crowd_destroy(crowd));
     WORKS(dm_gpu_mesh_destroy(uploaded));
     HOLDS(memories.live == 0);

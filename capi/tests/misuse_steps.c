@@ -6,14 +6,12 @@
 static void null_handles(void) {
     DmPoseView pose = {.struct_size = sizeof pose};
     DmEngineInfo info = {.struct_size = sizeof info};
-    DmMemory memory = {.struct_size = sizeof memory};
     DmRenderVertices vertices = {.struct_size = sizeof vertices};
     HANDLE("null handle in place of a mesh", dm_mesh_render_vertices(no_mesh, &vertices));
     HANDLE("null handle in place of an engine", dm_engine_info((DmEngine){0}, &info));
-    HANDLE("null handle in place of an engine", dm_engine_memory((DmEngine){0}, &memory));
-    HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_release_staging((DmGpuMesh){0}));
+    HANDLE("null handle in place of a mesh on the device", dm_release_staging(0));
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_destroy((DmGpuMesh){0}));
-    HANDLE("null handle in place of a crowd", dm_crowd_previous_pose(no_crowd, 0, &pose));
+    HANDLE("null handle in place of a crowd", dm_crowd_pose(no_crowd, 0, &pose));
     HANDLE("null handle in place of a crowd", dm_crowd_destroy(no_crowd));
     HANDLE("null handle in place of a skin", dm_skin_destroy((DmSkin){0}));
     HANDLE("null handle in place of a clip", dm_clip_destroy((DmClip){0}));
@@ -129,8 +127,7 @@ static void skins(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     WORKS(dm_skin_upload(other, host->cmd, mesh, &desc, &foreign));
     WORKS(dm_skin_upload(engine, host->cmd, another, &desc, &different));
     host_submit_and_wait(host);
-    HANDLE("null handle in place of a skin", dm_skin_release_staging((DmSkin){0}));
-    WORKS(dm_skin_release_staging(skin));
+    WORKS(dm_release_staging(skin.bits));
     DmSkinTarget target = {.struct_size = sizeof target, .buffer = buffer, .normals = 12, .joints = buffer,
                            .joints_bytes = 96}, wrong = target;
     DmSkinnedView view = {.struct_size = sizeof view};
@@ -177,8 +174,7 @@ static void surfaces_and_decoding(const Host *host, DmEngine engine, DmEngine ot
     WORKS(dm_surface_upload(engine, host->cmd, mesh, &surface));
     WORKS(dm_surface_upload(other, host->cmd, mesh, &foreign));
     host_submit_and_wait(host);
-    WORKS(dm_surface_release_staging(surface));
-    HANDLE("null handle in place of a surface", dm_surface_release_staging((DmSurface){0}));
+    WORKS(dm_release_staging(surface.bits));
     HANDLE("null handle in place of a surface", dm_crowd_set_normals_target(crowd, 0, (DmSurface){0}, &normals));
     INVALID("upload it with the crowd's engine", dm_crowd_set_normals_target(crowd, 0, foreign, &normals));
     INVALID("instance 7", dm_crowd_set_normals_target(crowd, 7, surface, &normals));

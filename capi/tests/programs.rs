@@ -42,7 +42,7 @@ fn libraries() -> &'static Path {
             "--package",
             env!("CARGO_PKG_NAME"),
             "--features",
-            "after,csv,gltf,level,memory",
+            "csv,gltf",
             "--profile",
             profile,
             "--target-dir",

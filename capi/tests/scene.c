@@ -231,9 +231,9 @@ int main(int argc, char **argv) {
     DM(dm_skin_upload(engine, host.cmd, meshes[0], &skin_desc, &skin));
     DM(dm_surface_upload(engine, host.cmd, meshes[0], &surface));
     host_submit_and_wait(&host);
-    DM(dm_gpu_mesh_release_staging(uploaded[0]));
-    DM(dm_skin_release_staging(skin));
-    DM(dm_surface_release_staging(surface));
+    DM(dm_release_staging(uploaded[0].bits));
+    DM(dm_release_staging(skin.bits));
+    DM(dm_release_staging(surface.bits));
 
     /* Position and normal are the library's; 24 bytes behind them are the host's. One slot: the pose stays in place. */
     const uint32_t pose_bytes = info.padded_vertex_count * STRIDE;
@@ -284,7 +284,7 @@ int main(int argc, char **argv) {
         DmUpdate updates[2] = {{.struct_size = sizeof *updates}, {.struct_size = sizeof *updates}};
         const uint32_t instance = 0;
         host_begin(&host);
-        DM(dm_record_updates(host.cmd, 2, crowds, updates));
+        DM(dm_record_update(host.cmd, 2, crowds, updates));
         DM(dm_readback_record(readback, host.cmd, crowds[1], &instance, 1));
         VkMemoryBarrier read_by_host = {.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
                                         .srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT,

@@ -134,7 +134,7 @@ static double morph(const Host *host, DmEngine engine, DmMesh mesh, const DmMesh
     host_begin(host);
     DM(dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
     host_submit_and_wait(host);
-    DM(dm_gpu_mesh_release_staging(uploaded));
+    DM(dm_release_staging(uploaded.bits));
     DmCrowdDesc desc = {.struct_size = sizeof desc, .consumers = DM_READ_BY_VERTEX_ATTRIBUTES | DM_READ_BY_COPIES};
     DmCrowd crowd;
     DM(dm_crowd_create(uploaded, &desc, &crowd));
@@ -151,7 +151,7 @@ static double morph(const Host *host, DmEngine engine, DmMesh mesh, const DmMesh
         DmPoseView pose = {.struct_size = sizeof pose};
         DM(dm_crowd_set_weights(crowd, 0, weights, info->target_count));
         host_begin(host);
-        DM(dm_record_update(host->cmd, crowd, &update)); /* never submitted? dm_crowd_discard(crowd, update.ticket) */
+        DM(dm_record_update(host->cmd, 1, &crowd, &update)); /* never submitted? dm_crowd_discard(crowd, update.ticket) */
         DM(dm_crowd_pose(crowd, 0, &pose)); /* draws from pose.buffer go here */
         record_readback(host, &readback, &pose);
         host_submit_and_wait(host);

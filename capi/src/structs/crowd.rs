@@ -98,7 +98,7 @@ pub struct DmAnimationDesc {
     pub key_bits: u32,
     /// Zero.
     pub reserved: u32,
-    /// Levels of detail, which need the feature `level`; null: all targets are kept.
+    /// Levels of detail; null: all targets are kept.
     pub level: *const DmLevelDesc,
 }
 
@@ -182,7 +182,7 @@ pub struct DmPoseView {
     pub struct_size: u32,
     /// Bytes from vertex to vertex.
     pub stride: u32,
-    /// The buffer: usable as vertex, storage and transfer-source buffer. Null: there is no such pose.
+    /// The buffer: usable as vertex, storage and transfer-source buffer.
     pub buffer: vk::Buffer,
     /// Offset of the first vertex.
     pub offset: u64,
@@ -197,6 +197,11 @@ pub struct DmPoseView {
     /// The value of number 0, in input units, by component: 0 for float32 and for normals. Equal for all poses of a
     /// crowd.
     pub offsets: [f32; 6],
+    /// The buffer of the pose before the last update, which is the pose itself if nothing changed, on the first update,
+    /// and after `dm_crowd_reset_history`. Null: the update had to overwrite it.
+    pub previous_buffer: vk::Buffer,
+    /// Offset of its first vertex.
+    pub previous_offset: u64,
 }
 
 /// Buffer and layout of a stream of a pose.

@@ -57,7 +57,7 @@ pub struct DmEngineDesc {
     pub queue_family_count: u64,
     /// The host's functions for device memory, both or neither: each buffer of the library's then has memory of its own
     /// from them. Called within calls of the library, on any thread, also on several at once; they call nothing of it.
-    /// Null: the library allocates. Feature `memory`.
+    /// Null: the library allocates.
     pub allocate_memory: DmAllocateMemory,
     /// Takes back what `allocate_memory` handed out.
     pub free_memory: DmFreeMemory,
@@ -106,7 +106,7 @@ pub type DmAllocateMemory =
 /// Frees memory, which the device no longer uses.
 pub type DmFreeMemory = Option<unsafe extern "C" fn(user: *mut c_void, memory: *const DmHostMemory)>;
 
-/// Properties of an engine's device.
+/// Properties of an engine's device, and its memory by purpose. Buffers of the host's are not counted.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmEngineInfo {
@@ -116,32 +116,10 @@ pub struct DmEngineInfo {
     pub is_software: u32,
     /// Bytes that a storage-buffer descriptor may cover.
     pub max_storage_range: u64,
-    /// Bytes of device and staging memory that the engine has allocated from the driver.
+    /// Bytes of device and staging memory that the engine has allocated from the driver, including unused parts of blocks.
     pub allocated_bytes: u64,
     /// The device's name, ended by a zero.
     pub device_name: [c_char; 256],
-}
-
-/// Memory of one kind: bytes, and how many buffers they are.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmMemoryUse {
-    /// Bytes, as allocated.
-    pub bytes: u64,
-    /// Buffers.
-    pub allocations: u64,
-}
-
-/// The memory of an engine and all objects made with it, by what it is for. Buffers of the host's are not counted.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmMemory {
-    /// sizeof(DmMemory).
-    pub struct_size: u32,
-    /// Zero.
-    pub reserved: u32,
-    /// Bytes allocated from the driver, including unused parts of blocks.
-    pub allocated: u64,
     /// Base poses, deltas, skins and surfaces.
     pub meshes: DmMemoryUse,
     /// Poses, but for those in buffers of the host's.
@@ -154,6 +132,16 @@ pub struct DmMemory {
     pub staging: DmMemoryUse,
     /// Poses read back.
     pub readback: DmMemoryUse,
+}
+
+/// Memory of one kind: bytes, and how many buffers they are.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmMemoryUse {
+    /// Bytes, as allocated.
+    pub bytes: u64,
+    /// Buffers.
+    pub allocations: u64,
 }
 
 /// An extension or feature that a path needs. Strings live as long as the library is loaded.

@@ -27,7 +27,6 @@ macro_rules! versioned {
 versioned! {
     DmEngineDesc;
     DmEngineInfo;
-    DmMemory;
     DmMeshDesc;
     DmMeshArrays;
     DmTargetArrays;

@@ -1,9 +1,45 @@
-//! The end of an engine, which objects made with it may still use.
+//! The staging memory of objects made with an engine, and the end of the engine.
 
 use crate::engine::Engine;
-use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmReadback, DmSkin, DmSurface, Handle};
-use crate::result::{DmResult, Failure, enter};
+use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmReadback, DmSkin, DmSurface, Handle, Kind, is_kind};
+use crate::result::{DmResult, Failure, enter, lock};
+use crate::{attached, crowd};
 use std::sync::Arc;
+
+/// Free the staging memory of an upload. `handle` is the `bits` of what was uploaded: a DmGpuMesh, DmSkin or DmSurface,
+/// or a DmCrowd that plays clips.
+///
+/// Errors: DM_ERROR_INVALID for a crowd that plays no clips.
+///
+/// # Safety
+/// The upload has run, or never will.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_release_staging(handle: u64) -> DmResult {
+    enter("dm_release_staging", || {
+        // SAFETY: the caller's obligation, whatever was uploaded.
+        unsafe {
+            if is_kind(handle, Kind::DmCrowd) {
+                crowd::with(DmCrowd::of(handle), |state| {
+                    state.animated()?.release_staging();
+                    Ok(())
+                })
+            } else if is_kind(handle, Kind::DmSkin) {
+                attached::with(DmSkin::of(handle), |skin| {
+                    skin.release_staging();
+                    Ok(())
+                })
+            } else if is_kind(handle, Kind::DmSurface) {
+                attached::with(DmSurface::of(handle), |surface| {
+                    surface.release_staging();
+                    Ok(())
+                })
+            } else {
+                lock(&DmGpuMesh::of(handle).get()?.mesh)?.release_staging();
+                Ok(())
+            }
+        }
+    })
+}
 
 /// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
 /// DmSurface. The device may be destroyed afterwards.
