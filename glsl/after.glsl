@@ -3,10 +3,10 @@
 
 // Returns `vertices` or more if the lane has no vertex.
 uint vertex_of_lane() {
-    uint place = gl_GlobalInvocationID.x / PIECE;
-    if (place >= count) {
+    uint at = gl_GlobalInvocationID.x / PIECE;
+    if (at >= count) {
         return vertices;
     }
-    uint piece = listed != 0u ? PIECE_AT(place) : place;
+    uint piece = listed != 0u ? PIECE_AT(at) : at;
     return piece * PIECE + gl_GlobalInvocationID.x % PIECE;
 }

@@ -41,8 +41,8 @@ struct Bits {
 
 // Samples target `lane` of word `i`, or all of its targets.
 Bits sampled(uint i, uint lane) {
-    uint head = i / words;
-    uint record = head * RECORD_WORDS;
+    uint instance = i / words;
+    uint record = instance * RECORD_WORDS;
     uint flags = state[record + 3u];
     uint clip = state[record];
     bool playing = (flags & PLAYING) != 0u;
@@ -85,7 +85,7 @@ Bits sampled(uint i, uint lane) {
         uint t = lane + n;
         if (LANES != 1u && t >= count) break;
         uint target = first + t;
-        uint at = head * targets + target;
+        uint at = instance * targets + target;
         uint bit = 1u << t;
         int weight = 0;
         uint factor = ranks_at == 0u ? WHOLE : kept(level, tables[ranks_at + target]);
@@ -119,7 +119,7 @@ Bits joined(Bits own, uint lane) {
 void main() {
     uint invocation = flat_invocation();
     uint i = invocation / LANES, lane = invocation % LANES;
-    bool exists = i < heads * words;
+    bool exists = i < instances * words;
     bool shown = exists && (state[i / words * RECORD_WORDS + 3u] & HIDDEN) == 0u;
     Bits found = Bits(0u, 0u);
     if (shown) found = sampled(i, lane);

@@ -29,7 +29,7 @@ layout(set = 0, binding = 3, std430) buffer Control { uint control[]; };
 
 layout(push_constant) uniform Push {
     uint now;              // tick
-    uint heads;            // of the crowd
+    uint instances;            // of the crowd
     uint targets;
     uint words;            // with a bit for each target
     uint blocks;
@@ -46,8 +46,8 @@ layout(push_constant) uniform Push {
     uint source;           // slots
     uint destination;
     uint always_rebuild;   // touched blocks start from the base pose
-    uint first_head;       // of the set that is planned for
-    uint group_heads;
+    uint first_instance;       // of the set that is planned for
+    uint group_instances;
     uint first_block;      // of the run that is planned for
     uint run_blocks;
     uint run_entries;
@@ -60,7 +60,7 @@ layout(push_constant) uniform Push {
 };
 
 uint bits(uint kind) {
-    return bits_at + kind * heads * words;
+    return bits_at + kind * instances * words;
 }
 
 // Dispatches have two dimensions, since one may not hold all invocations.

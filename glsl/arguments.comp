@@ -16,7 +16,7 @@ void main() {
     uint count = control[counter];
     control[counter] = 0u;
     uint workgroups = (count + workgroup_items - 1u) / workgroup_items;
-    uint first = size * ITEM_CAPACITY((group_heads + WIDEST - 1u) / WIDEST * run_blocks);
+    uint first = size * ITEM_CAPACITY((group_instances + WIDEST - 1u) / WIDEST * run_blocks);
     for (uint i = count; i < workgroups * workgroup_items; ++i) work[(first + i) * TILE_WORDS + 2u] = 0u;
     for (uint chunk = 0u; chunk < chunks; ++chunk) {
         uint at = counters + 3u * (counter * chunks + chunk);

@@ -8,7 +8,7 @@
 #include "abi.glsl"
 #include "blocks.glsl"
 #include "tiles.glsl"
-#include "heads.glsl"
+#include "crowd_constants.glsl"
 
 #ifndef PARTS
 #define load_part(entry, lane, part, position, normal, shifts) load_entry(entry, lane, position, normal, shifts)
@@ -16,7 +16,7 @@
 
 // Rows per iteration. With several instances their sums live in memory; two rows at a time load and store them half as
 // often.
-#define AT_ONCE min(HEADS, 2u)
+#define AT_ONCE min(INSTANCES, 2u)
 
 #define LOAD_WORDS(words, count, buffer, at) \
     [[unroll]] for (uint i = 0u; i < (count); i += 4u) { \
@@ -26,14 +26,14 @@
 
 // An entry, then its coefficients.
 void load_row(uint at, out uint row[ROW_WORDS(TILE)]) {
-    if (HEADS == 1u) {
+    if (INSTANCES == 1u) {
         uvec4 two = texelFetch(work, int(at / 4u));
         uvec2 one = (at & 2u) == 0u ? two.xy : two.zw;
         row[0] = one.x;
         row[1] = one.y;
         return;
     }
-    LOAD_WORDS(row, ROW_WORDS(HEADS), work, at)
+    LOAD_WORDS(row, ROW_WORDS(INSTANCES), work, at)
 }
 
 // The base pose, the same for all instances, from number `at` on.
@@ -56,13 +56,13 @@ void load_base(uint at, out NUMBER numbers[NUMBERS]) {
 
 void main() {
     uint item[TILE_WORDS];
-    LOAD_WORDS(item, 4u + HEADS, work, first_item + gl_WorkGroupID.x * TILE_WORDS)
-    uint next = item[1], end = next + item[2] * ROW_WORDS(HEADS);
+    LOAD_WORDS(item, 4u + INSTANCES, work, first_item + gl_WorkGroupID.x * TILE_WORDS)
+    uint next = item[1], end = next + item[2] * ROW_WORDS(INSTANCES);
     uint lane = gl_LocalInvocationID.x;
     uint at = (item[0] * BLOCK_SIZE + lane * VERTICES) * 6u;
 
-    NUMBER added[HEADS][NUMBERS];
-    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+    NUMBER added[INSTANCES][NUMBERS];
+    [[unroll]] for (uint h = 0u; h < INSTANCES; ++h) {
         [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] = NUMBER(0);
     }
 
@@ -75,17 +75,17 @@ void main() {
         [[unroll]] for (uint r = 0u; r < AT_ONCE; ++r) {
             // The last row may be single: it is then loaded twice, and counts once.
             bool again = r == 1u && next == end;
-            load_row(again ? next - ROW_WORDS(HEADS) : next, row[r]);
+            load_row(again ? next - ROW_WORDS(INSTANCES) : next, row[r]);
             if (r == 1u) {
-                [[unroll]] for (uint h = 0u; h < HEADS; ++h) row[r][1u + h] = again ? 0u : row[r][1u + h];
+                [[unroll]] for (uint h = 0u; h < INSTANCES; ++h) row[r][1u + h] = again ? 0u : row[r][1u + h];
             }
             uint later = part;
             load_part(row[r][0], lane, later, dp[r], dn[r], shifts[r]);
             RAISE(shifts[r])
             part = again ? 0u : later;
-            next += again || part != 0u ? 0u : ROW_WORDS(HEADS);
+            next += again || part != 0u ? 0u : ROW_WORDS(INSTANCES);
         }
-        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+        [[unroll]] for (uint h = 0u; h < INSTANCES; ++h) {
             FACTOR p[2], n[2];
             [[unroll]] for (uint r = 0u; r < AT_ONCE; ++r) {
                 p[r] = FACTOR_OF(row[r][1u + h], position_unit, shifts[r].x);
@@ -121,7 +121,7 @@ void main() {
 
 #ifdef ROUNDED_PRODUCTS
     if (ROUNDED_SUMS) {
-        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+        [[unroll]] for (uint h = 0u; h < INSTANCES; ++h) {
             [[unroll]] for (uint i = 0u; i < NUMBERS; i += 3u) {
                 ivec3 sum = ivec3(added[h][i], added[h][i + 1u], added[h][i + 2u]);
                 sum += STARTS_FROM_BASE(h) ? ivec3(numbers[i], numbers[i + 1u], numbers[i + 2u]) : ivec3(0);
@@ -136,10 +136,10 @@ void main() {
 
     // All sources are loaded before the first is stored, since a tile may have an instance several times: plans of the
     // GPU fill tiles up.
-    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+    [[unroll]] for (uint h = 0u; h < INSTANCES; ++h) {
         NUMBER source[NUMBERS];
         if (LOADS_POSES) load_vertices((item[4u + h] & 0xffffu) * pose_floats + at, source);
         [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += STARTS_FROM_BASE(h) ? numbers[i] : source[i];
     }
-    [[unroll]] for (uint h = 0u; h < HEADS; ++h) store_vertices((item[4u + h] >> 16) * pose_floats + at, added[h]);
+    [[unroll]] for (uint h = 0u; h < INSTANCES; ++h) store_vertices((item[4u + h] >> 16) * pose_floats + at, added[h]);
 }

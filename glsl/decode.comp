@@ -6,8 +6,8 @@
 
 layout(local_size_x = WORKGROUP) in;
 
-#define PLACES_ID 0
-#include "places.glsl"
+#define OFFSETS_ID 0
+#include "vertex_offsets.glsl"
 #define POSES_BINDING 0
 #include "pose.glsl"
 layout(set = 0, binding = 1, std430) readonly buffer Pieces { uint pieces[]; };

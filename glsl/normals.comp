@@ -7,8 +7,8 @@
 
 layout(local_size_x = WORKGROUP) in;
 
-#define PLACES_ID 0
-#include "places.glsl"
+#define OFFSETS_ID 0
+#include "vertex_offsets.glsl"
 #define POSES_BINDING 0
 #include "pose.glsl"
 // For each vertex: the base pose, six numbers; and from fans_at on the position of its fan. A fan: triangles, their

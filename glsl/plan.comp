@@ -6,8 +6,8 @@
 
 void write_row(uint row, Tile tile, uint entry, uint target, uint needed) {
     work[row] = entry;
-    for (uint place = 0u; place < tile.width; ++place) {
-        work[row + 1u + place] = coefficient_at(tile, place, target, needed);
+    for (uint member = 0u; member < tile.width; ++member) {
+        work[row + 1u + member] = coefficient_at(tile, member, target, needed);
     }
 }
 
@@ -37,7 +37,7 @@ void main() {
     uint to = first_entry(block + 1u);
     for (uint e = first_entry(block); e < to; ++e) {
         uint target = tables[entries_at + 2u * e];
-        uint needed = places_that_need(tile, target);
+        uint needed = members_that_need(tile, target);
         if (needed == 0u) continue;
         write_row(rows + listed * ROW_WORDS(tile.width), tile, e, target, needed);
         listed += 1u;

@@ -15,35 +15,35 @@ const uint OPEN = 4u;      // or if that takes less
 
 // The instances of a tile are those from this one on...
 uint first_of_tile() {
-    return first_head + gl_GlobalInvocationID.y * WIDEST;
+    return first_instance + gl_GlobalInvocationID.y * WIDEST;
 }
 
 // ... of which there are this many.
 uint count_of_tile() {
-    return min(group_heads - gl_GlobalInvocationID.y * WIDEST, WIDEST);
+    return min(group_instances - gl_GlobalInvocationID.y * WIDEST, WIDEST);
 }
 
 uint first_entry(uint block) {
     return tables[first_entry_at + block];
 }
 
-uint bits_of(uint kind, uint head, uint word) {
-    return state[bits(kind) + head * words + word];
+uint bits_of(uint kind, uint instance, uint word) {
+    return state[bits(kind) + instance * words + word];
 }
 
-bool bit_of(uint kind, uint head, uint target) {
-    return (bits_of(kind, head, target >> 5) >> (target & 31u) & 1u) != 0u;
+bool bit_of(uint kind, uint instance, uint target) {
+    return (bits_of(kind, instance, target >> 5) >> (target & 31u) & 1u) != 0u;
 }
 
 // Decides what to do to a block of an instance, and notes in its history that it was touched.
-uint decide(uint head, uint block) {
-    uint phase = state[phases_at + head * words];
+uint decide(uint instance, uint block) {
+    uint phase = state[phases_at + instance * words];
     if (phase == NEW) return 0u;
     uint touches = 0u;
     for (uint w = 0u; w < words; ++w) {
-        touches |= bits_of(CHANGED, head, w) & tables[block_targets_at + block * words + w];
+        touches |= bits_of(CHANGED, instance, w) & tables[block_targets_at + block * words + w];
     }
-    uint at = history_at + head * blocks + block;
+    uint at = history_at + instance * blocks + block;
     uint history = state[at];
     bool whole = phase == FIRST;
     bool touched = touches != 0u;
@@ -54,12 +54,12 @@ uint decide(uint head, uint block) {
 }
 
 // The cost model: whether the active entries of a block take no more bytes than the changed ones.
-bool takes_less_from_base(uint head, uint block) {
+bool takes_less_from_base(uint instance, uint block) {
     // Each entry has bytes, so they count only if some targets are active and have not changed, and others have changed
     // and are not active.
     uint kept = 0u, ended = 0u;
     for (uint w = 0u; w < words; ++w) {
-        uint active_bits = bits_of(ACTIVE, head, w), changed = bits_of(CHANGED, head, w);
+        uint active_bits = bits_of(ACTIVE, instance, w), changed = bits_of(CHANGED, instance, w);
         uint either = (active_bits ^ changed) & tables[block_targets_at + block * words + w];
         kept |= either & active_bits;
         ended |= either & changed;
@@ -71,13 +71,13 @@ bool takes_less_from_base(uint head, uint block) {
     for (uint e = first_entry(block); e < to; ++e) {
         uint target = tables[entries_at + 2u * e];
         uint bytes = tables[entries_at + 2u * e + 1u];
-        if (bit_of(ACTIVE, head, target)) active_bytes += bytes;
-        if (bit_of(CHANGED, head, target)) changed_bytes += bytes;
+        if (bit_of(ACTIVE, instance, target)) active_bytes += bytes;
+        if (bit_of(CHANGED, instance, target)) changed_bytes += bytes;
     }
     return active_bytes <= changed_bytes;
 }
 
-// A tile: its width (0: none), for each place the instance's number of four bits, and a bit if that starts from the
+// A tile: its width (0: none), for each member the instance's number of four bits, and a bit if that starts from the
 // base pose.
 struct Tile {
     uint width;
@@ -93,12 +93,12 @@ void add_instance(inout Tile tile, uint instance, uint decided) {
     tile.width += 1u;
 }
 
-uint instance_at(Tile tile, uint place) {
-    return tile.instances >> (4u * place) & 15u;
+uint instance_at(Tile tile, uint member) {
+    return tile.instances >> (4u * member) & 15u;
 }
 
-bool is_rebuilt(Tile tile, uint place) {
-    return (tile.rebuilt >> place & 1u) != 0u;
+bool is_rebuilt(Tile tile, uint member) {
+    return (tile.rebuilt >> member & 1u) != 0u;
 }
 
 // log2 of the narrowest width that holds this many instances.
@@ -112,19 +112,19 @@ void fill_up(inout Tile tile) {
     if (used == 0u) return;
     uint last = instance_at(tile, used - 1u);
     uint last_rebuilt = tile.rebuilt >> (used - 1u);
-    for (uint place = used; place < TILE; ++place) {
-        tile.instances |= last << (4u * place);
-        tile.rebuilt |= last_rebuilt << place;
+    for (uint member = used; member < TILE; ++member) {
+        tile.instances |= last << (4u * member);
+        tile.rebuilt |= last_rebuilt << member;
     }
     tile.width = 1u << size_of(used);
 }
 
-// Places of a tile that need an entry.
-uint places_that_need(Tile tile, uint target) {
+// Members of a tile that need an entry.
+uint members_that_need(Tile tile, uint target) {
     uint needed = 0u;
-    for (uint place = 0u; place < tile.width; ++place) {
-        uint kind = is_rebuilt(tile, place) ? ACTIVE : CHANGED;
-        if (bit_of(kind, first_of_tile() + instance_at(tile, place), target)) needed |= 1u << place;
+    for (uint member = 0u; member < tile.width; ++member) {
+        uint kind = is_rebuilt(tile, member) ? ACTIVE : CHANGED;
+        if (bit_of(kind, first_of_tile() + instance_at(tile, member), target)) needed |= 1u << member;
     }
     return needed;
 }
@@ -136,11 +136,11 @@ uint coefficient(uint at, bool from_base) {
     return pairs == 0u ? change : bitfieldInsert(weight, weight - change, 16, 16);
 }
 
-// The coefficient of a place in a row: 0 if it does not need the entry.
-uint coefficient_at(Tile tile, uint place, uint target, uint needed) {
-    if ((needed >> place & 1u) == 0u) return 0u;
-    uint at = (first_of_tile() + instance_at(tile, place)) * targets + target;
-    return coefficient(at, is_rebuilt(tile, place));
+// The coefficient of a member in a row: 0 if it does not need the entry.
+uint coefficient_at(Tile tile, uint member, uint target, uint needed) {
+    if ((needed >> member & 1u) == 0u) return 0u;
+    uint at = (first_of_tile() + instance_at(tile, member)) * targets + target;
+    return coefficient(at, is_rebuilt(tile, member));
 }
 
 // A planner defines how it writes a row from word `row` on, and four words of an item.
@@ -154,13 +154,13 @@ uint item_capacity() {
 // The first row of a block. There is room for each entry, and for one row without coefficients.
 uint rows_of(uint block) {
     uint before = first_entry(block) - first_entry(first_block) + block - first_block;
-    uint place = gl_GlobalInvocationID.y * (run_entries + run_blocks) + before;
-    return WIDTHS * TILE_WORDS * item_capacity() + place * ROW_WORDS(TILE);
+    uint member = gl_GlobalInvocationID.y * (run_entries + run_blocks) + before;
+    return WIDTHS * TILE_WORDS * item_capacity() + member * ROW_WORDS(TILE);
 }
 
-// The poses that a place reads and writes.
-uint slots_at(Tile tile, uint place) {
-    uint first = (gl_GlobalInvocationID.y * WIDEST + instance_at(tile, place)) * slots;
+// The poses that a member reads and writes.
+uint slots_at(Tile tile, uint member) {
+    uint first = (gl_GlobalInvocationID.y * WIDEST + instance_at(tile, member)) * slots;
     return (first + source) | (first + destination) << 16;
 }
 
@@ -176,8 +176,8 @@ void append(Tile tile, uint block, uint rows, uint listed) {
     uint index = atomicAdd(control[first_counter + size], 1u);
     uint item = (size * item_capacity() + index) * TILE_WORDS;
     write_four(item, uvec4(block, rows, listed, tile.rebuilt));
-    for (uint place = 0u; place < TILE; place += 4u) {
-        uvec2 two = uvec2(slots_at(tile, place), slots_at(tile, place + 1u));
-        write_four(item + 4u + place, uvec4(two, slots_at(tile, place + 2u), slots_at(tile, place + 3u)));
+    for (uint member = 0u; member < TILE; member += 4u) {
+        uvec2 two = uvec2(slots_at(tile, member), slots_at(tile, member + 1u));
+        write_four(item + 4u + member, uvec4(two, slots_at(tile, member + 2u), slots_at(tile, member + 3u)));
     }
 }

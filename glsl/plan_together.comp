@@ -15,7 +15,7 @@ shared uint listed[PLANNED_BLOCKS];
 // Rows of a single instance have two words, others a multiple of four. All coefficients are loaded before the first is
 // stored, to wait once.
 void write_row(uint row, Tile tile, uint entry, uint target, uint needed) {
-#define COEFFICIENT(place) coefficient_at(tile, place, target, needed)
+#define COEFFICIENT(member) coefficient_at(tile, member, target, needed)
     uvec4 first = uvec4(entry, COEFFICIENT(0u), COEFFICIENT(1u), COEFFICIENT(2u));
     uvec4 second = uvec4(COEFFICIENT(3u), uvec3(0u)), third = uvec4(0u);
     if (WIDEST == TILE) {
@@ -72,7 +72,7 @@ void main() {
         Tile tile = tiles[of];
         if (tile.width == 0u) continue;
         uint target = tables[entries_at + 2u * e];
-        uint needed = places_that_need(tile, target);
+        uint needed = members_that_need(tile, target);
         if (needed == 0u) continue;
         // Sums of integers do not depend on the order of rows.
         uint row = rows[of] + atomicAdd(listed[of], 1u) * ROW_WORDS(tile.width);

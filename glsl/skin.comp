@@ -8,8 +8,8 @@
 layout(local_size_x = WORKGROUP) in;
 layout(constant_id = 0) const uint INFLUENCES = 4u;
 
-#define PLACES_ID 1
-#include "places.glsl"
+#define OFFSETS_ID 1
+#include "vertex_offsets.glsl"
 #define POSES_BINDING 0
 #include "pose.glsl"
 // For each vertex its joints, two to a word, and their weights, the largest first.

@@ -3,31 +3,31 @@
 //     NUMBER_OF(word)            the number that has these bits, and the reverse
 //     WORD_OF(number)
 
-// One after the other, unless places.glsl places them elsewhere.
-#ifndef HAS_PLACES
-#define PLACE_0 0u
-#define PLACE_1 1u
-#define PLACE_2 2u
-#define PLACE_3 3u
-#define PLACE_4 4u
-#define PLACE_5 5u
+// One after the other, unless vertex_offsets.glsl defines others elsewhere.
+#ifndef HAS_OFFSETS
+#define OFFSET_0 0u
+#define OFFSET_1 1u
+#define OFFSET_2 2u
+#define OFFSET_3 3u
+#define OFFSET_4 4u
+#define OFFSET_5 5u
 #define STORES(number) true
 #endif
 
 // A vertex in a storage buffer of numbers, beginning at number `at`.
 #define LOAD_VERTEX(buffer, at, position, normal) { \
     uint first = at; \
-    position = ADDEND(buffer[first + PLACE_0], buffer[first + PLACE_1], buffer[first + PLACE_2]); \
-    normal = ADDEND(buffer[first + PLACE_3], buffer[first + PLACE_4], buffer[first + PLACE_5]); \
+    position = ADDEND(buffer[first + OFFSET_0], buffer[first + OFFSET_1], buffer[first + OFFSET_2]); \
+    normal = ADDEND(buffer[first + OFFSET_3], buffer[first + OFFSET_4], buffer[first + OFFSET_5]); \
 }
 #define STORE_VERTEX(buffer, at, position, normal) { \
     uint first = at; \
-    if (STORES(0u)) buffer[first + PLACE_0] = position.x; \
-    if (STORES(1u)) buffer[first + PLACE_1] = position.y; \
-    if (STORES(2u)) buffer[first + PLACE_2] = position.z; \
-    if (STORES(3u)) buffer[first + PLACE_3] = normal.x; \
-    if (STORES(4u)) buffer[first + PLACE_4] = normal.y; \
-    if (STORES(5u)) buffer[first + PLACE_5] = normal.z; \
+    if (STORES(0u)) buffer[first + OFFSET_0] = position.x; \
+    if (STORES(1u)) buffer[first + OFFSET_1] = position.y; \
+    if (STORES(2u)) buffer[first + OFFSET_2] = position.z; \
+    if (STORES(3u)) buffer[first + OFFSET_3] = normal.x; \
+    if (STORES(4u)) buffer[first + OFFSET_4] = normal.y; \
+    if (STORES(5u)) buffer[first + OFFSET_5] = normal.z; \
 }
 
 #if defined(POSES_BINDING) && defined(TEXELS)

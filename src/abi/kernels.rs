@@ -14,9 +14,9 @@ use super::steps::after_steps;
 /// Most vertex attributes of a module; two of them are the pose.
 pub const ATTRIBUTES_MAX: u32 = 32;
 
-/// Number of specialization constants for the component offsets of a vertex (`glsl/places.glsl`): the last ones of
-/// kernels that support host vertices. The defaults describe engine-owned poses.
-pub const PLACES: usize = 8;
+/// Number of specialization constants for the component offsets of a vertex (`glsl/vertex_offsets.glsl`): the last ones
+/// of kernels that support host vertices. The defaults describe engine-owned poses.
+pub const OFFSETS: usize = 8;
 
 /// Shader stage of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,8 +113,8 @@ pub struct KernelRow {
     pub push_bytes: u32,
     /// Number of its own specialization constants, from 0 on.
     pub constants: u32,
-    /// [`PLACES`] component-offset constants follow them.
-    pub places: bool,
+    /// [`OFFSETS`] component-offset constants follow them.
+    pub offsets: bool,
     /// Part of a baseline (package deltamorph-baselines), left out without the feature `baselines`. In this table,
     /// since baselines share its types, the formats' GLSL and the build script.
     pub baseline: bool,
@@ -151,12 +151,12 @@ const VERTEX: KernelRow = KernelRow {
     push: "",
     push_bytes: 0,
     constants: 0,
-    places: false,
+    offsets: false,
     baseline: false,
 };
 const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
 /// A step after the pose.
-const STEP: KernelRow = KernelRow { poses: true, places: true, ..COMPUTE };
+const STEP: KernelRow = KernelRow { poses: true, offsets: true, ..COMPUTE };
 /// Tables, state, work list, control: see animation.glsl.
 const ANIMATION: KernelRow =
     KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push: "AnimationPush", ..COMPUTE };
@@ -180,7 +180,7 @@ const CROWD: KernelRow = KernelRow {
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
     push: "BlocksPush",
     constants: 5,
-    places: true,
+    offsets: true,
     ..COMPUTE
 };
 /// A draw of baseline `direct`: deltas, weights.
@@ -260,7 +260,7 @@ after_steps!(kernels {
             bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, WORD_TEXELS)],
             aliased: &[2, 3],
             constants: 4,
-            places: false,
+            offsets: false,
             ..CROWD
         },
     }

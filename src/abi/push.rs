@@ -112,7 +112,7 @@ after_steps!(structures {
     /// Push constants of the kernels of animation on the GPU, described in `glsl/animation.glsl`.
     pub struct AnimationPush {
         now: u32,
-        heads: u32,
+        instances: u32,
         targets: u32,
         words: u32,
         blocks: u32,
@@ -129,8 +129,8 @@ after_steps!(structures {
         source: u32,
         destination: u32,
         always_rebuild: u32,
-        first_head: u32,
-        group_heads: u32,
+        first_instance: u32,
+        group_instances: u32,
         first_block: u32,
         run_blocks: u32,
         run_entries: u32,

@@ -28,10 +28,10 @@ pub const fn poses(source: u32, destination: u32) -> u32 {
     source | destination << 16
 }
 
-/// Writes a tile, a block of several instances: `head` is block, first row word, number of rows and the mask of
+/// Writes a tile, a block of several instances: `header` is block, first row word, number of rows and the mask of
 /// instances that start from the base pose; [`poses`] of each instance follow.
-pub fn write_tile(out: &mut [u32], head: [u32; 4], poses: impl Iterator<Item = u32>) {
-    let (words, places) = out.split_at_mut(head.len());
-    words.copy_from_slice(&head);
-    places.iter_mut().zip(poses).for_each(|(out, poses)| *out = poses);
+pub fn write_tile(out: &mut [u32], header: [u32; 4], poses: impl Iterator<Item = u32>) {
+    let (words, members) = out.split_at_mut(header.len());
+    words.copy_from_slice(&header);
+    members.iter_mut().zip(poses).for_each(|(out, poses)| *out = poses);
 }

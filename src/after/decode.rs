@@ -51,19 +51,19 @@ impl Decode {
     ///
     /// # Errors
     /// An invalid target; no memory. Nothing changes then.
-    pub fn set(after: &mut After, place: &TargetContext<'_>, target: &DecodeTarget) -> Result<()> {
-        let layout = &place.group.mesh.layout;
+    pub fn set(after: &mut After, context: &TargetContext<'_>, target: &DecodeTarget) -> Result<()> {
+        let layout = &context.group.mesh.layout;
         let output = target.output();
         if target.normals.is_some() {
-            place.check_normals("a decode target")?;
+            context.check_normals("a decode target")?;
         }
-        place.check("decoding")?;
-        output.check("a decode target", layout, place.device)?;
-        after.set(place, PostMorphPass::Decode, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
-            let [units, offset] = place.scale();
+        context.check("decoding")?;
+        output.check("a decode target", layout, context.device)?;
+        after.set(context, PostMorphPass::Decode, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
+            let [units, offset] = context.scale();
             let (decoded, decoded_at) = output.range(layout);
-            let bound = |frame| [place.poses(), lists.range(u64::from(frame)), decoded];
-            let bound: Vec<_> = (0..place.frames).map(bound).collect();
+            let bound = |frame| [context.poses(), lists.range(u64::from(frame)), decoded];
+            let bound: Vec<_> = (0..context.frames).map(bound).collect();
             let push = DecodePush {
                 units,
                 offset,
@@ -74,7 +74,7 @@ impl Decode {
                 // The rest is of each dispatch.
                 ..Default::default()
             };
-            Ok(Self { bound: Bound::new(place, PoseKernel(&DECODE, place.pose()), &bound)?, push })
+            Ok(Self { bound: Bound::new(context, PoseKernel(&DECODE, context.pose()), &bound)?, push })
         })
     }
 }

@@ -8,7 +8,7 @@ use crate::error::{Result, ensure};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::pipelines::{Kernels, Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::vertex::PlaceConstants;
+use crate::pack::vertex::OffsetConstants;
 use crate::pack::{DeltaFormat, PoseFormat};
 use crate::update::technique::PoseGroup;
 use ash::vk;
@@ -53,13 +53,13 @@ pub(crate) trait AfterStep: Any + Send + Sync {
 pub(super) struct Pose {
     pub format: PoseFormat,
     /// Component offsets; `None`: the kernel's defaults.
-    places: Option<PlaceConstants>,
+    offsets: Option<OffsetConstants>,
 }
 
 impl Pose {
     /// The last specialization constants.
     pub fn constants(&self) -> &[u32] {
-        self.places.as_ref().map_or(&[], |places| places)
+        self.offsets.as_ref().map_or(&[], |offsets| offsets)
     }
 }
 
@@ -85,9 +85,9 @@ pub(super) struct Bound<K> {
 }
 
 impl<K: PipelineKey> Bound<K> {
-    pub fn new(place: &TargetContext<'_>, key: K, bound: &[impl AsRef<[BufferRange]>]) -> Result<Self> {
-        let kernel = place.kernels.get(key)?;
-        Ok(Self { sets: kernel.objects.sets(bound)?, kernel, pose_numbers: place.group.poses.numbers() })
+    pub fn new(context: &TargetContext<'_>, key: K, bound: &[impl AsRef<[BufferRange]>]) -> Result<Self> {
+        let kernel = context.kernels.get(key)?;
+        Ok(Self { sets: kernel.objects.sets(bound)?, kernel, pose_numbers: context.group.poses.numbers() })
     }
 
     /// The first number of the pose that a job reads.
@@ -124,7 +124,7 @@ impl TargetContext<'_> {
 
     /// Pose format, and component offsets in host vertices.
     pub(super) fn pose(&self) -> Pose {
-        Pose { format: self.group.poses.format, places: self.group.poses.place_constants() }
+        Pose { format: self.group.poses.format, offsets: self.group.poses.offset_constants() }
     }
 
     /// Checks that host vertices contain normals; `what` needs them.
@@ -133,7 +133,7 @@ impl TargetContext<'_> {
         let name = &mesh.layout.name;
         let text = format!("normals of mesh '{name}' in {what}, which the host's vertices do not have");
         let remedy = "add Semantic::Normal to the VertexLayout, or use a target without normals";
-        ensure!(poses.places.bytes(poses.format)[TRIPLE].is_some(), text, remedy);
+        ensure!(poses.offsets.bytes(poses.format)[TRIPLE].is_some(), text, remedy);
         Ok(())
     }
 

@@ -60,16 +60,16 @@ impl After {
     /// Errors of `make`; no memory. Nothing changes then.
     pub(super) fn set<F: AfterStep>(
         &mut self,
-        place: &TargetContext<'_>,
+        context: &TargetContext<'_>,
         kind: PostMorphPass,
         outputs: usize,
         usage: vk::BufferUsageFlags,
         make: impl FnOnce(&Ring) -> Result<F>,
     ) -> Result<()> {
-        let TargetContext { instance, .. } = *place;
-        let changed = Pieces::none((place.group.mesh.layout.vertex_count as u32).div_ceil(PIECE));
+        let TargetContext { instance, .. } = *context;
+        let changed = Pieces::none((context.group.mesh.layout.vertex_count as u32).div_ceil(PIECE));
         let list_bytes = Ring::part_bytes(4 * u64::from(changed.count()));
-        let lists = Ring::new(place.device, "deltamorph changed pieces", list_bytes, place.frames, usage)?;
+        let lists = Ring::new(context.device, "deltamorph changed pieces", list_bytes, context.frames, usage)?;
         let step = Box::new(make(&lists)?);
         self.unset(kind, instance);
         self.targets.push(Target {
@@ -81,7 +81,7 @@ impl After {
             moved: changed.clone(),
             changed,
             output: 0,
-            earlier: Earlier::new(place.frames),
+            earlier: Earlier::new(context.frames),
             previous: None,
             is_reset: false,
             reset_by: 0,

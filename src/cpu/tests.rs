@@ -146,7 +146,7 @@ proptest! {
     #[test]
     fn a_crowd_has_the_poses_that_each_instance_has_alone(
         (format, size, pose) in (0..DeltaFormat::ALL.len(), 0usize..3, prop::sample::select(&PoseFormat::ALL)),
-        heads in 1u32..70, slots in 1u32..4, threads in 1usize..4, together in any::<bool>(), seed in any::<u32>(),
+        instances in 1u32..70, slots in 1u32..4, threads in 1usize..4, together in any::<bool>(), seed in any::<u32>(),
     ) {
         let (format, targets) = (DeltaFormat::ALL[format], 21);
         let blocks = BlockDesc { size: Some(BLOCK_SIZES[size]), ..BlockDesc::default() };
@@ -154,26 +154,26 @@ proptest! {
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).unwrap());
         let pose = if pose.takes(format) { pose } else { PoseFormat::Float32 };
         let desc = UpdateDesc { slots, pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        let mut crowd = CpuCrowd::new(packed.clone(), desc, heads, threads).unwrap();
-        let mut alone: Vec<_> = (0..heads).map(|_| CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap()).collect();
+        let mut crowd = CpuCrowd::new(packed.clone(), desc, instances, threads).unwrap();
+        let mut alone: Vec<_> = (0..instances).map(|_| CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap()).collect();
         for frame in 0..5u32 {
-            for (head, alone) in (0..).zip(&mut alone) {
+            for (instance, alone) in (0..).zip(&mut alone) {
                 let weight = |t: u32| {
-                    let x = (seed ^ (t * 77 + frame / (1 + t % 4) * 13 + if together { 0 } else { head * 101 }))
+                    let x = (seed ^ (t * 77 + frame / (1 + t % 4) * 13 + if together { 0 } else { instance * 101 }))
                         .wrapping_mul(2_654_435_761) >> 16;
                     if x.is_multiple_of(3) { 0.0 } else { (x % 1000) as f32 / 1000.0 }
                 };
                 let weights: Vec<_> = (0..targets as u32).map(weight).collect();
-                let hidden = (head + frame).is_multiple_of(5);
-                for (crowd, head) in [(&mut crowd, head), (&mut *alone, 0)] {
-                    crowd.set_weights(head, &weights).unwrap();
-                    crowd.set_hidden(head, hidden).unwrap();
+                let hidden = (instance + frame).is_multiple_of(5);
+                for (crowd, instance) in [(&mut crowd, instance), (&mut *alone, 0)] {
+                    crowd.set_weights(instance, &weights).unwrap();
+                    crowd.set_hidden(instance, hidden).unwrap();
                 }
                 alone.update();
             }
             crowd.update();
-            for (head, alone) in (0..).zip(&alone) {
-                prop_assert_eq!(crowd.stored_pose(head, 0).unwrap(), alone.stored_pose(0, 0).unwrap(), "head {}", head);
+            for (instance, alone) in (0..).zip(&alone) {
+                prop_assert_eq!(crowd.stored_pose(instance, 0).unwrap(), alone.stored_pose(0, 0).unwrap(), "instance {}", instance);
             }
         }
     }

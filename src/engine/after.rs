@@ -107,8 +107,8 @@ macro_rules! target_setters {
             ) -> Result<()> {
                 let crowd = crowd.base_mut();
                 crowd.check_device(&self.device)?;
-                crowd.set_after(&self.kernels, instance, |after, place| match target {
-                    Some(target) => crate::after::$module::$step::set(after, place, target),
+                crowd.set_after(&self.kernels, instance, |after, context| match target {
+                    Some(target) => crate::after::$module::$step::set(after, context, target),
                     None => {
                         after.unset(PostMorphPass::$kind, instance);
                         Ok(())

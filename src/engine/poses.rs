@@ -8,7 +8,7 @@ use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::statistics::MemoryKind;
 use crate::pack::PackedLayout;
-use crate::pack::vertex::Places;
+use crate::pack::vertex::VertexOffsets;
 use crate::plan::UpdateDesc;
 use crate::update::crowd::{CrowdDesc, HostPoses};
 use crate::update::technique::{PoseGroup, Poses};
@@ -49,15 +49,15 @@ fn poses_of_ours(device: &Arc<Device>, layout: &PackedLayout, desc: &CrowdDesc) 
         usage |= BufferUsageFlags::TRANSFORM_FEEDBACK_BUFFER_EXT;
     }
     let buffer = Buffer::new(device, "deltamorph poses", bytes_of(layout, desc), usage, MemoryKind::Poses)?;
-    let pose = (Places::TIGHT, layout.pose_bytes(desc.update.pose));
+    let pose = (VertexOffsets::TIGHT, layout.pose_bytes(desc.update.pose));
     Ok((poses_from(buffer.raw, 0, pose, layout, desc, usage)?, buffer))
 }
 
-/// Poses of these places and bytes each, from a byte of a buffer on.
+/// Poses of these offsets and bytes each, from a byte of a buffer on.
 fn poses_from(
     buffer: vk::Buffer,
     offset: u64,
-    (places, bytes): (Places, u64),
+    (offsets, bytes): (VertexOffsets, u64),
     layout: &PackedLayout,
     desc: &CrowdDesc,
     usage: BufferUsageFlags,
@@ -67,7 +67,7 @@ fn poses_from(
     let CrowdDesc { instances, update, .. } = *desc;
     let UpdateDesc { pose: format, slots, .. } = update;
     let grid = update.grid(layout)?;
-    Ok(Poses { buffer, usage, begin: offset - lead, lead, format, places, bytes, instances, slots, grid })
+    Ok(Poses { buffer, usage, begin: offset - lead, lead, format, offsets, bytes, instances, slots, grid })
 }
 
 fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc: &CrowdDesc) -> Result<Poses> {
@@ -80,7 +80,7 @@ fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc:
     ensure!(offset.is_multiple_of(4), text, "use an offset that is a multiple of 4");
     let poses = BufferRange::new(host.buffer(), offset, end - offset);
     poses.check_room(device, &format!("the poses of {} instances of mesh '{}'", desc.instances, layout.name))?;
-    let pose = (host.vertex().places(layout, desc.update.pose), bytes);
+    let pose = (host.vertex().offsets(layout, desc.update.pose), bytes);
     poses_from(host.buffer(), offset, pose, layout, desc, BufferUsageFlags::empty())
 }
 

@@ -3,7 +3,7 @@
 use crate::asset::streams::StreamPlace;
 use crate::error::{Result, refuse};
 use crate::gpu::pipelines::VertexInput;
-use crate::pack::vertex::Places;
+use crate::pack::vertex::VertexOffsets;
 use crate::pack::{POSE_FLOATS, PoseFormat};
 use crate::update::technique::Poses;
 use ash::vk;
@@ -67,9 +67,9 @@ impl PoseView {
             buffer: poses.buffer,
             offset: poses.offset(instance, slot),
             size: poses.bytes,
-            stride: poses.places.stride(poses.format),
+            stride: poses.offsets.stride(poses.format),
             format: poses.format,
-            components: poses.places.bytes(poses.format),
+            components: poses.offsets.bytes(poses.format),
             slot,
         }
     }
@@ -90,7 +90,9 @@ impl PoseView {
 
     /// The components of a stored pose without gaps; zeros for those that are not stored.
     pub(super) fn tight<'a>(&self, stored: &'a [u8]) -> Cow<'a, [u8]> {
-        if self.components == Places::TIGHT.bytes(self.format) && self.stride == Places::TIGHT.stride(self.format) {
+        if self.components == VertexOffsets::TIGHT.bytes(self.format)
+            && self.stride == VertexOffsets::TIGHT.stride(self.format)
+        {
             return Cow::Borrowed(stored);
         }
         let (number, mut tight) = (self.format.number_bytes(), vec![]);
@@ -110,7 +112,7 @@ impl PoseView {
     pub(super) fn stream(self, place: StreamPlace) -> Result<StreamView> {
         let Self { buffer, stride, format, slot, .. } = self;
         let Some(at) = self.components[place.first] else {
-            let text = format!("stream '{}', which the host's vertices have no place for", place.semantic);
+            let text = format!("stream '{}', which the application's vertices do not contain", place.semantic);
             return refuse(text, "add it to the VertexLayout");
         };
         let components = place.components();

@@ -277,15 +277,15 @@ impl PoseFormat {
     /// renumber bindings and locations. [`PoseView::matrix`](crate::PoseView::matrix) makes positions of what a draw
     /// fetches.
     pub fn vertex_input(self, previous: bool) -> VertexInput {
-        let places = std::array::from_fn(|component| Some(self.offset(component) as u32));
-        self.vertex_input_at(self.stride() as u32, places, previous)
+        let offsets = std::array::from_fn(|component| Some(self.offset(component) as u32));
+        self.vertex_input_at(self.stride() as u32, offsets, previous)
     }
 
-    /// Like [`vertex_input`], for vertices of `stride` bytes whose numbers are at `places`.
+    /// Like [`vertex_input`], for vertices of `stride` bytes whose numbers are at `offsets`.
     pub(crate) fn vertex_input_at(
         self,
         stride: u32,
-        places: [Option<u32>; POSE_FLOATS],
+        offsets: [Option<u32>; POSE_FLOATS],
         previous: bool,
     ) -> VertexInput {
         let (mut bindings, mut attributes) = (vec![], vec![]);
@@ -294,7 +294,7 @@ impl PoseFormat {
             for (location, &(format, at)) in (2 * binding..).zip(self.row().attributes) {
                 let format = vk::Format::from_raw(format as i32);
                 // A number that is not stored has no attribute.
-                let Some(offset) = places[at as usize / self.number_bytes()] else { continue };
+                let Some(offset) = offsets[at as usize / self.number_bytes()] else { continue };
                 attributes.push(vk::VertexInputAttributeDescription { location, binding, format, offset });
             }
         }

@@ -1,7 +1,7 @@
 //! Interleaved vertices of the host that poses are written into.
 
 use super::{POSE_FLOATS, PackedLayout, PoseFormat};
-use crate::abi::kernels::PLACES;
+use crate::abi::kernels::OFFSETS;
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result, ensure};
 use std::fmt;
@@ -130,7 +130,7 @@ impl VertexLayout {
     }
 
     /// Offsets of the components of a group; `check` has passed.
-    pub(crate) fn places(&self, group: &PackedLayout, format: PoseFormat) -> Places {
+    pub(crate) fn offsets(&self, group: &PackedLayout, format: PoseFormat) -> VertexOffsets {
         let number = format.number_bytes() as u32;
         let mut at = [None; POSE_FLOATS];
         for place in &group.streams {
@@ -143,7 +143,7 @@ impl VertexLayout {
                 at = std::array::from_fn(|component| Some(first + component as u32));
             }
         }
-        Places { stride: self.stride / number, at }
+        VertexOffsets { stride: self.stride / number, at }
     }
 }
 
@@ -154,19 +154,19 @@ impl fmt::Debug for VertexLayout {
     }
 }
 
-/// Values of `glsl/places.glsl`'s specialization constants.
-pub(crate) type PlaceConstants = [u32; PLACES];
+/// Values of `glsl/vertex_offsets.glsl`'s specialization constants.
+pub(crate) type OffsetConstants = [u32; OFFSETS];
 
 /// Offsets of the six components of a vertex in a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Places {
+pub(crate) struct VertexOffsets {
     /// Numbers per vertex.
     stride: u32,
     /// Offset in numbers; `None`: not stored.
     at: [Option<u32>; POSE_FLOATS],
 }
 
-impl Places {
+impl VertexOffsets {
     /// Contiguous, as in engine-owned poses.
     pub const TIGHT: Self =
         Self { stride: POSE_FLOATS as u32, at: [Some(0), Some(1), Some(2), Some(3), Some(4), Some(5)] };
@@ -176,8 +176,8 @@ impl Places {
         Self { at: self.at.map(|at| Some(at? + numbers)), ..self }
     }
 
-    /// Specialization constants of `glsl/places.glsl`; `None` if its defaults apply.
-    pub fn constants(self) -> Option<PlaceConstants> {
+    /// Specialization constants of `glsl/vertex_offsets.glsl`; `None` if its defaults apply.
+    pub fn constants(self) -> Option<OffsetConstants> {
         // Components that are not stored load from the offset of a stored one.
         let any = self.at.into_iter().flatten().next().unwrap_or(0);
         let stored = (0..).zip(self.at).map(|(i, at)| u32::from(at.is_some()) << i).sum();

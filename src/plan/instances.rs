@@ -18,132 +18,132 @@ enum Presence {
 }
 
 #[derive(Clone, Debug)]
-struct Place {
+struct Instance {
     presence: Presence,
     weights: Vec<f32>,
     history: History,
 }
 
-/// The places of a crowd, each free or in use by an instance. Methods that take an instance fail if it is out of range
-/// or was removed.
+/// The instances of a crowd, as many as its capacity, each free or in use. Methods that take an instance fail if it is
+/// out of range or was removed.
 #[derive(Clone, Debug)]
 pub struct Instances {
-    places: Vec<Place>,
+    instances: Vec<Instance>,
 }
 
 impl Instances {
-    /// `places` instances, all shown, all weights 0. `unfinished`: how many updates may be in flight, and so be
+    /// `capacity` instances, all shown, all weights 0. `unfinished`: how many updates may be in flight, and so be
     /// discarded.
-    pub fn new(places: usize, targets: usize, slots: u32, unfinished: u32) -> Self {
+    pub fn new(capacity: usize, targets: usize, slots: u32, unfinished: u32) -> Self {
         let history = History::new(slots, unfinished);
-        let place = Place { presence: Presence::Shown, weights: vec![0.0; targets], history };
-        Self { places: vec![place; places] }
+        let instance = Instance { presence: Presence::Shown, weights: vec![0.0; targets], history };
+        Self { instances: vec![instance; capacity] }
     }
 
-    /// Number of places.
+    /// Number of instances, free ones included.
     pub fn count(&self) -> usize {
-        self.places.len()
+        self.instances.len()
     }
 
-    fn place(&mut self, instance: u32) -> Result<&mut Place> {
+    fn get_mut(&mut self, instance: u32) -> Result<&mut Instance> {
         let i = self.check(instance)?;
-        Ok(&mut self.places[i])
+        Ok(&mut self.instances[i])
     }
 
-    /// Checks `instance` and returns the index of its place.
+    /// Checks `instance` and returns its index.
     pub fn check(&self, instance: u32) -> Result<usize> {
-        match self.places.get(instance as usize).map(|place| place.presence) {
+        match self.instances.get(instance as usize).map(|instance| instance.presence) {
             Some(Presence::Shown | Presence::Hidden) => Ok(instance as usize),
             Some(Presence::Free) => {
                 refuse(format!("instance {instance} was removed"), "use the number that `add` returns")
             }
             None => {
-                refuse(format!("instance {instance} of a crowd of {}", self.places.len()), "count instances from 0")
+                refuse(format!("instance {instance} of a crowd of {}", self.instances.len()), "count instances from 0")
             }
         }
     }
 
     /// Sets the requested weights of `instance`; the caller has checked them.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        self.place(instance)?.weights.copy_from_slice(weights);
+        self.get_mut(instance)?.weights.copy_from_slice(weights);
         Ok(())
     }
 
     /// The requested weights of `instance`.
     pub fn weights(&self, instance: u32) -> Result<&[f32]> {
-        Ok(&self.places[self.check(instance)?].weights)
+        Ok(&self.instances[self.check(instance)?].weights)
     }
 
     /// Sets one requested weight of `instance`, which the caller has checked; returns the old one.
     pub fn set_weight(&mut self, instance: u32, target: usize, weight: f32) -> Result<f32> {
-        Ok(std::mem::replace(&mut self.place(instance)?.weights[target], weight))
+        Ok(std::mem::replace(&mut self.get_mut(instance)?.weights[target], weight))
     }
 
     /// Makes the next pose of `instance` its own previous pose.
     pub fn reset_history(&mut self, instance: u32) -> Result<()> {
-        self.place(instance)?.history.reset();
+        self.get_mut(instance)?.history.reset();
         Ok(())
     }
 
     /// Shows or hides `instance`; returns whether that changed. A change also resets its history.
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<bool> {
-        let place = self.place(instance)?;
+        let instance = self.get_mut(instance)?;
         let new = if hidden { Presence::Hidden } else { Presence::Shown };
-        let changed = std::mem::replace(&mut place.presence, new) != new;
+        let changed = std::mem::replace(&mut instance.presence, new) != new;
         if changed {
-            place.history.reset();
+            instance.history.reset();
         }
         Ok(changed)
     }
 
-    /// Takes the first free place: shown, all weights 0, no pose.
+    /// Takes the first free instance: shown, all weights 0, no pose.
     pub fn add(&mut self) -> Result<u32> {
-        let Some(i) = self.places.iter().position(|place| place.presence == Presence::Free) else {
-            let text = format!("the crowd has places for {} heads, all taken", self.places.len());
+        let Some(i) = self.instances.iter().position(|instance| instance.presence == Presence::Free) else {
+            let text = format!("the crowd has a capacity of {} instances, all in use", self.instances.len());
             return refuse(text, "remove one, or make another crowd of the same mesh");
         };
-        let place = &mut self.places[i];
-        place.presence = Presence::Shown;
-        place.weights.fill(0.0);
-        place.history.forget();
+        let instance = &mut self.instances[i];
+        instance.presence = Presence::Shown;
+        instance.weights.fill(0.0);
+        instance.history.forget();
         Ok(i as u32)
     }
 
-    /// Frees the place of `instance`.
+    /// Frees `instance`.
     pub fn remove(&mut self, instance: u32) -> Result<()> {
-        self.place(instance)?.presence = Presence::Free;
+        self.get_mut(instance)?.presence = Presence::Free;
         Ok(())
     }
 
     /// Discards update `first` and all later ones.
     pub fn discard_from(&mut self, first: u64) {
-        self.places.iter_mut().for_each(|place| place.history.discard_from(first));
+        self.instances.iter_mut().for_each(|instance| instance.history.discard_from(first));
     }
 
-    /// Slots of the current and the previous pose of a place; `None` while it has no pose.
-    pub fn slots_of(&self, place: usize) -> Option<(u32, Option<u32>)> {
-        self.places[place].history.slots()
+    /// Slots of the current and the previous pose of an instance; `None` while it has no pose.
+    pub fn slots_of(&self, instance: usize) -> Option<(u32, Option<u32>)> {
+        self.instances[instance].history.slots()
     }
 
-    /// Whether a place holds an instance that is shown.
-    pub fn is_shown(&self, place: usize) -> bool {
-        self.places[place].presence == Presence::Shown
+    /// Whether an instance holds an instance that is shown.
+    pub fn is_shown(&self, instance: usize) -> bool {
+        self.instances[instance].presence == Presence::Shown
     }
 
-    /// The update that wrote the pose of a place; 0 if it has no pose.
-    pub fn written_by(&self, place: usize) -> u64 {
-        self.places[place].history.written_by
+    /// The update that wrote the pose of an instance; 0 if it has no pose.
+    pub fn written_by(&self, instance: usize) -> u64 {
+        self.instances[instance].history.written_by
     }
 
-    /// For each place: the requested weights, or `None` if it is not shown.
+    /// For each instance: the requested weights, or `None` if it is not shown.
     pub fn requested(&self) -> impl Iterator<Item = Option<&[f32]>> {
-        self.places.iter().map(|place| (place.presence == Presence::Shown).then_some(&place.weights[..]))
+        self.instances.iter().map(|instance| (instance.presence == Presence::Shown).then_some(&instance.weights[..]))
     }
 
-    /// The places that are shown: index, requested weights and history.
+    /// The instances that are shown: index, requested weights and history.
     pub fn shown(&mut self) -> impl Iterator<Item = (usize, &[f32], &mut History)> {
-        let shown = self.places.iter_mut().enumerate().filter(|(_, place)| place.presence == Presence::Shown);
-        shown.map(|(i, place)| (i, &place.weights[..], &mut place.history))
+        let shown = self.instances.iter_mut().enumerate().filter(|(_, instance)| instance.presence == Presence::Shown);
+        shown.map(|(i, instance)| (i, &instance.weights[..], &mut instance.history))
     }
 }
 
@@ -156,7 +156,7 @@ pub trait InstanceState {
     /// Hides, removes or shows an instance.
     fn set_hidden(&mut self, _instance: u32, _hidden: bool) {}
 
-    /// Initializes an instance in a free place.
+    /// Initializes an instance in a free instance.
     fn add(&mut self, _instance: u32) {}
 
     /// Sets the error budget of an existing instance, from the next update on.
@@ -212,9 +212,9 @@ impl History {
         (self.written_by > 0).then_some(self.current)
     }
 
-    /// The slot `places` after the one written last, cyclically.
-    pub fn after(&self, places: u32) -> u32 {
-        (self.current + places) % self.slots
+    /// The slot `steps` after the one written last, cyclically.
+    pub fn after(&self, steps: u32) -> u32 {
+        (self.current + steps) % self.slots
     }
 
     /// Slots of the current and the previous pose; `None` while there is no pose. The previous pose is the current one

@@ -8,7 +8,7 @@ use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::{MeshBuffers, Upload};
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::PoseGrid;
-use crate::pack::vertex::{PlaceConstants, Places};
+use crate::pack::vertex::{OffsetConstants, VertexOffsets};
 use crate::pack::{POSE_FLOATS, PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Steps, Work};
@@ -136,7 +136,7 @@ pub struct Poses {
     /// The pose format.
     pub format: PoseFormat,
     /// Component offsets in a vertex.
-    pub(crate) places: Places,
+    pub(crate) offsets: VertexOffsets,
     /// Bytes per pose.
     pub bytes: u64,
     /// Instances of the crowd.
@@ -174,8 +174,8 @@ impl Poses {
     }
 
     /// Specialization constants of kernels for component offsets, relative to the start of a [`range`](Self::range).
-    pub(crate) fn place_constants(&self) -> Option<PlaceConstants> {
-        self.places.shifted((self.lead / self.format.number_bytes() as u64) as u32).constants()
+    pub(crate) fn offset_constants(&self) -> Option<OffsetConstants> {
+        self.offsets.shifted((self.lead / self.format.number_bytes() as u64) as u32).constants()
     }
 }
 

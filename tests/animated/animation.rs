@@ -18,11 +18,13 @@ fn dice(state: &mut u32, n: u32) -> u32 {
 
 fn some_playback(state: &mut u32, now: f64) -> Playback {
     let speeds = [1.0, 0.5, -1.0, 3.0, 0.0, -0.25];
+    // Drawn first: the base of a structure is evaluated after its fields.
+    let clip = Playback::new(dice(state, 3));
     Playback {
         start: now + f64::from(dice(state, 20)) / 10.0 - 1.5,
         speed: speeds[dice(state, 6) as usize],
         repeat: if dice(state, 2) == 0 { Repeat::Loop } else { Repeat::Once },
-        ..Playback::new(dice(state, 3))
+        ..clip
     }
 }
 

@@ -4,7 +4,7 @@
 #![allow(dead_code, reason = "unit tests use less of it")]
 
 use deltamorph::internals::abi::numbers::{HIDDEN, LOOP, PLAYING, REVERSED};
-use deltamorph::internals::update::animated::{HeadRecord, Playbacks};
+use deltamorph::internals::update::animated::{PlaybackRecord, Playbacks};
 use deltamorph::internals::update::blocks::{BlockState, GroupPlan, WorkList};
 use deltamorph::{Clips, PackedLayout, Result, UpdateDesc};
 
@@ -66,7 +66,7 @@ impl AnimatedReference {
 }
 
 /// Frames of a clip around tick `now`, and the fraction: `(frame, next, f)` with f in 2⁻¹⁶.
-fn between(record: &HeadRecord, frames: u32, now: u32) -> (u32, u32, u32) {
+fn between(record: &PlaybackRecord, frames: u32, now: u32) -> (u32, u32, u32) {
     let position = record.position(frames, (now.wrapping_sub(record.start) as i32).max(0).into());
     let (frame, f, last) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff, frames - 1);
     let at_end = if record.has(LOOP) { 0 } else { last };
@@ -81,7 +81,7 @@ pub fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
 }
 
 /// The weights of an instance at tick `now`, in steps of the grid, as in `glsl/animate.comp`.
-pub fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
+pub fn sample(clips: &Clips, record: &PlaybackRecord, now: u32) -> Vec<i32> {
     if !record.has(PLAYING) {
         return vec![0; clips.targets()];
     }
@@ -104,7 +104,7 @@ pub fn key(clips: &Clips, clip: usize, frame: u32, target: usize) -> i32 {
 }
 
 /// The factor of a target at the record's level of detail, in 2⁻¹⁶.
-fn factor(clips: &Clips, record: &HeadRecord, target: usize) -> u32 {
+fn factor(clips: &Clips, record: &PlaybackRecord, target: usize) -> u32 {
     if record.ranks_at == 0 {
         return 1 << 16;
     }

@@ -94,7 +94,7 @@ fn heads_come_and_go() {
             crowd.step(&[]).expect("a step");
             assert_pose(&mut crowd, &mesh, &desc, 5, &[0.0; TARGETS]);
             assert_eq!(crowd.add().expect("a free place"), 11);
-            testing::says(crowd.add(), &["places for 13 heads"]);
+            testing::says(crowd.add(), &["capacity of 13 instances"]);
             crowd.set_weights(5, &asked[5]).expect("weights that fit");
             crowd.set_weights(11, &asked[11]).expect("weights that fit");
             crowd.step(&[]).expect("a step");

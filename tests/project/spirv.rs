@@ -2,12 +2,12 @@
 
 use deltamorph::device::DeviceClass;
 use deltamorph::internals::abi::formats::{FORMATS, POSE_FORMATS};
-use deltamorph::internals::abi::kernels::{Buffer, PLACES, Stage, Takes};
+use deltamorph::internals::abi::kernels::{Buffer, OFFSETS, Stage, Takes};
 use deltamorph::internals::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
 use deltamorph::internals::abi::numbers::{RECORD_WORDS, WORKGROUP};
 use deltamorph::internals::abi::push::{DenseListEntry, attribute_push_bytes};
 use deltamorph::internals::abi::worklist::TILE;
-use deltamorph::internals::update::animated::HeadRecord;
+use deltamorph::internals::update::animated::PlaybackRecord;
 use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::{DeltaFormat, PoseFormat};
 use spirq::prelude::*;
@@ -253,7 +253,7 @@ fn modules_declare_what_the_table_says() {
         }
         // Modules for more than 16 attributes are for devices with more push constants.
         assert!(bytes <= 128 || module.batch > 25, "{name}: what Vulkan promises");
-        let expected = kernel.constants + if kernel.places { PLACES as u32 } else { 0 };
+        let expected = kernel.constants + if kernel.offsets { OFFSETS as u32 } else { 0 };
         assert_eq!(constants(&entry), (0..expected).collect::<Vec<_>>(), "{name}");
 
         let sizes = entry.exec_modes.iter().filter(|mode| mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize);
@@ -330,7 +330,7 @@ fn structures_in_buffers_are_the_hosts() {
         seen += 1;
     }
     assert_eq!(seen, DeltaFormat::DENSE.len());
-    assert_eq!(size_of::<HeadRecord>(), 4 * RECORD_WORDS as usize);
+    assert_eq!(size_of::<PlaybackRecord>(), 4 * RECORD_WORDS as usize);
 }
 
 #[test]

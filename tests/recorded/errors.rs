@@ -123,7 +123,7 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
     for format in [DeltaFormat::Float32, DeltaFormat::Fast] {
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
         let mut crowd = CpuCrowd::new(Arc::new(packed(format)), desc, 2, 1).expect("a crowd");
-        says(crowd.add(), "all taken");
+        says(crowd.add(), "all in use");
         says(crowd.set_hidden(2, true), "instance 2 of a crowd of 2");
         says(crowd.remove(2), "instance 2 of a crowd of 2");
         crowd.remove(1).expect("an instance");
@@ -195,7 +195,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         // SAFETY: as above.
         headless.run(|cmd| unsafe { engine.record_update(cmd, &mut made.crowd) }).expect("an update");
         refused_everywhere(headless, &mut made, 2, "instance 2 of a crowd of 2");
-        says(made.crowd.add(), "all taken");
+        says(made.crowd.add(), "all in use");
         made.crowd.remove(1).expect("an instance");
         refused_everywhere(headless, &mut made, 1, "instance 1 was removed");
         for (instance, words) in [(1, "instance 1 was removed"), (2, "instance 2 of a crowd of 2")] {
@@ -237,7 +237,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         says(crowd.reset_history(2), words);
         says(crowd.set_hidden(2, true), words);
         says(crowd.remove(2), words);
-        says(crowd.add(), "all taken");
+        says(crowd.add(), "all in use");
         // The state is unchanged.
         // SAFETY: as above.
         headless.run(|cmd| unsafe { engine.record_update(cmd, &mut made.crowd) }).expect("an update");

@@ -92,20 +92,20 @@ impl Recomputed {
     /// An invalid target or surface; no memory. Nothing changes then.
     pub fn set(
         after: &mut After,
-        place: &TargetContext<'_>,
+        context: &TargetContext<'_>,
         (GpuNormals { surface, .. }, target): (&GpuNormals, &NormalsTarget),
     ) -> Result<()> {
         let NormalsTarget { buffer, offset, stride } = *target;
-        let layout = &place.group.mesh.layout;
-        surface.attached.check("a surface", place.device, layout)?;
+        let layout = &context.group.mesh.layout;
+        surface.attached.check("a surface", context.device, layout)?;
         let output = Output { buffer, offset, stride, second: None };
-        place.check("normals of")?;
-        output.check("a normals target", layout, place.device)?;
-        after.set(place, PostMorphPass::Normals, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
+        context.check("normals of")?;
+        output.check("a normals target", layout, context.device)?;
+        after.set(context, PostMorphPass::Normals, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let (range, normals_at) = output.range(layout);
-            let bound = |frame| [place.poses(), surface.attached.range(), lists.range(u64::from(frame)), range];
-            let bound: Vec<_> = (0..place.frames).map(bound).collect();
-            let [units, offset] = place.scale();
+            let bound = |frame| [context.poses(), surface.attached.range(), lists.range(u64::from(frame)), range];
+            let bound: Vec<_> = (0..context.frames).map(bound).collect();
+            let [units, offset] = context.scale();
             let push = NormalsPush {
                 units,
                 offset,
@@ -116,7 +116,7 @@ impl Recomputed {
                 // The rest is of each dispatch.
                 ..Default::default()
             };
-            let bound = Bound::new(place, PoseKernel(&NORMALS, place.pose()), &bound)?;
+            let bound = Bound::new(context, PoseKernel(&NORMALS, context.pose()), &bound)?;
             Ok(Self { bound, push, surface: surface.clone() })
         })
     }

@@ -103,8 +103,8 @@ impl SkinTarget {
 
     fn outputs(&self) -> impl Iterator<Item = Output> {
         let Self { stride, normals: second, .. } = *self;
-        let places = [Some((self.buffer, self.offset)), self.second].into_iter().flatten();
-        places.map(move |(buffer, offset)| Output { buffer, offset, stride, second })
+        let outputs = [Some((self.buffer, self.offset)), self.second].into_iter().flatten();
+        outputs.map(move |(buffer, offset)| Output { buffer, offset, stride, second })
     }
 }
 
@@ -139,7 +139,7 @@ impl PipelineKey for Key {
 
 pub(crate) struct Skin {
     bound: Bound<Key>,
-    places: Vec<(Output, u32)>,
+    outputs: Vec<(Output, u32)>,
     push: SkinPush,
     joints_bytes: u64,
     joint_count: u32,
@@ -153,14 +153,14 @@ impl Skin {
     ///
     /// # Errors
     /// An invalid target or skin; no memory. Nothing changes then.
-    pub fn set(after: &mut After, place: &TargetContext<'_>, (skin, target): (&GpuSkin, &SkinTarget)) -> Result<()> {
-        let layout = &place.group.mesh.layout;
-        let caps = &place.device.caps;
-        skin.attached.check("a skin", place.device, layout)?;
+    pub fn set(after: &mut After, context: &TargetContext<'_>, (skin, target): (&GpuSkin, &SkinTarget)) -> Result<()> {
+        let layout = &context.group.mesh.layout;
+        let caps = &context.device.caps;
+        skin.attached.check("a skin", context.device, layout)?;
         if target.normals.is_some() {
-            place.check_normals("a skin target")?;
+            context.check_normals("a skin target")?;
         }
-        place.check("skinning")?;
+        context.check("skinning")?;
         let pieces = (layout.vertex_count as u64).div_ceil(PIECE.into());
         let list = (pieces, "texels", caps.max_texels.into());
         let what = format!("the list of a skin target for mesh '{}' takes", layout.name);
@@ -168,19 +168,19 @@ impl Skin {
         let joints = (target.joints_bytes, "bytes", caps.max_storage_range);
         caps.check_limit("the joints of a skin target take", joints, "split the buffer of joints")?;
         check_joints(target.joints_offset, target.method, skin.joint_count, target.joints_bytes)?;
-        target.outputs().try_for_each(|output| output.check("a skin target", layout, place.device))?;
+        target.outputs().try_for_each(|output| output.check("a skin target", layout, context.device))?;
         let joints = BufferRange::new(target.joints, 0, target.joints_bytes);
-        joints.check_room(place.device, "the range of joints of a skin target")?;
+        joints.check_room(context.device, "the range of joints of a skin target")?;
         let outputs = target.outputs().count();
-        after.set(place, PostMorphPass::Skin, outputs, vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
+        after.set(context, PostMorphPass::Skin, outputs, vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
             let bound = |frame| {
                 let list = BufferRange { size: 4 * pieces, ..lists.range(frame) };
                 target
                     .outputs()
-                    .map(move |output| [place.poses(), skin.attached.range(), joints, output.range(layout).0, list])
+                    .map(move |output| [context.poses(), skin.attached.range(), joints, output.range(layout).0, list])
             };
-            let bound: Vec<_> = (0..place.frames.into()).flat_map(bound).collect();
-            let [units, offset] = place.scale();
+            let bound: Vec<_> = (0..context.frames.into()).flat_map(bound).collect();
+            let [units, offset] = context.scale();
             let push = SkinPush {
                 units,
                 offset,
@@ -191,10 +191,10 @@ impl Skin {
                 // The rest is of each dispatch.
                 ..Default::default()
             };
-            let places = target.outputs().map(|output| (output, output.range(layout).1)).collect();
+            let outputs = target.outputs().map(|output| (output, output.range(layout).1)).collect();
             Ok(Self {
-                bound: Bound::new(place, Key(place.pose(), target.method, skin.influences), &bound)?,
-                places,
+                bound: Bound::new(context, Key(context.pose(), target.method, skin.influences), &bound)?,
+                outputs,
                 push,
                 joints_bytes: target.joints_bytes,
                 joint_count: skin.joint_count,
@@ -226,8 +226,8 @@ impl Skin {
             Error::invalid(text, "set a skin target, and record an update")
         };
         let (skin, current, previous) = after.written::<Self>(PostMorphPass::Skin, instance).ok_or_else(none)?;
-        let place = |output: usize| (skin.places[output].0.buffer, skin.places[output].0.offset);
-        Ok(SkinnedView { current: place(current), previous: previous.map(place) })
+        let at = |output: usize| (skin.outputs[output].0.buffer, skin.outputs[output].0.offset);
+        Ok(SkinnedView { current: at(current), previous: previous.map(at) })
     }
 }
 
@@ -248,9 +248,9 @@ impl AfterStep for Skin {
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
         let listed = job.is_listed.into();
         let pose_at = self.bound.pose_at(job);
-        let skinned_at = self.places[job.output].1;
+        let skinned_at = self.outputs[job.output].1;
         let push = SkinPush { pose_at, skinned_at, count: job.count, listed, ..self.push };
-        let set = job.frame as usize * self.places.len() + job.output;
+        let set = job.frame as usize * self.outputs.len() + job.output;
         // SAFETY: the caller's obligations; the list was made for this frame.
         unsafe { self.bound.dispatch(cmd, job, set, &push) };
     }

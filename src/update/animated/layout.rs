@@ -159,10 +159,10 @@ impl GroupLayout {
     /// Push constants and workgroups of the dispatch that plans a work list.
     pub(super) fn plan(&self, list: u32) -> (AnimationPush, [u32; 2]) {
         let (set, run) = self.get(list);
-        let (first_head, group_heads) = self.instances(set);
+        let (first_instance, group_instances) = self.instances(set);
         let push = AnimationPush {
-            first_head,
-            group_heads,
+            first_instance,
+            group_instances,
             first_block: run.blocks.start as u32,
             run_blocks: run.blocks.len() as u32,
             run_entries: run.entries as u32,
@@ -220,7 +220,7 @@ impl Layout {
         let mut state = Words(0);
         state.add(u64::from(RECORD_WORDS) * instances);
         let common = AnimationPush {
-            heads: context.desc.instances,
+            instances: context.desc.instances,
             targets: targets as u32,
             words: words as u32,
             phases_at: state.add(words * instances),

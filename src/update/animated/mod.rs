@@ -22,7 +22,7 @@ pub(crate) use steps::UPLOADED;
 pub use technique::Animated;
 pub use {
     playback::Playbacks,
-    sample::HeadRecord,
+    sample::PlaybackRecord,
     steps::{AnimatedKernel, AnimatedUpdate},
 };
 

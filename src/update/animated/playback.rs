@@ -1,7 +1,7 @@
 //! Host state of the instances of a crowd animated on the GPU: what each plays, and which updates wrote its poses.
 
 use super::clips::Clips;
-use super::sample::{HeadRecord, Playback, TICKS_PER_SECOND};
+use super::sample::{Playback, PlaybackRecord, TICKS_PER_SECOND};
 use crate::abi::numbers::{HIDDEN, LOOP, PLAYING, REVERSED};
 use crate::error::{Result, ensure, refuse};
 use crate::plan::instances::{InstanceState, Instances};
@@ -40,7 +40,7 @@ struct State {
 pub struct Playbacks {
     states: Vec<State>,
     /// Records, and the full ticks of their starts.
-    records: Vec<HeadRecord>,
+    records: Vec<PlaybackRecord>,
     starts: Vec<i64>,
     now: i64,
     updates: u64,
@@ -55,7 +55,7 @@ impl Playbacks {
         let state = State { listed: true, ..State::default() };
         Self {
             states: vec![state; count as usize],
-            records: vec![HeadRecord::default(); count as usize],
+            records: vec![PlaybackRecord::default(); count as usize],
             starts: vec![0; count as usize],
             now: 0,
             updates: 0,
@@ -111,7 +111,7 @@ impl Playbacks {
         let set = |flag, set| if set { flag } else { 0 };
         let flags = PLAYING | record.flags & HIDDEN | set(LOOP, repeat == Repeat::Loop) | set(REVERSED, speed < 0.0);
         let start = start_tick as u32;
-        *record = HeadRecord { clip, start, rate: rate as u32, flags, frame: 0, fraction: 0, ..*record };
+        *record = PlaybackRecord { clip, start, rate: rate as u32, flags, frame: 0, fraction: 0, ..*record };
         self.starts[instance as usize] = start_tick;
         self.touch(instance).stale = true;
         Ok(())
@@ -205,7 +205,7 @@ impl Playbacks {
     }
 
     /// All records.
-    pub fn records(&self) -> &[HeadRecord] {
+    pub fn records(&self) -> &[PlaybackRecord] {
         &self.records
     }
 
@@ -250,7 +250,7 @@ impl InstanceState for Playbacks {
 
     /// It plays nothing, and has no pose.
     fn add(&mut self, instance: u32) {
-        self.records[instance as usize] = HeadRecord::default();
+        self.records[instance as usize] = PlaybackRecord::default();
         let state = self.touch(instance);
         state.changes = [None; CHANGES];
         state.stale = true;
@@ -266,7 +266,7 @@ impl InstanceState for Playbacks {
     }
 }
 
-impl HeadRecord {
+impl PlaybackRecord {
     /// Position in a clip of `frames` frames, `elapsed` (≥ 0) ticks after the start, in 2⁻³² frames.
     pub fn position(&self, frames: u32, elapsed: i64) -> u64 {
         let start = u64::from(self.frame) << 32 | u64::from(self.fraction);

@@ -1,7 +1,7 @@
 //! Sampling of clips, in integers, so that GPU and CPU agree bit for bit.
 //!
-//! The clock counts ticks of 2⁻¹⁶ s. An instance's [`HeadRecord`] holds the low 32 bits of its start tick, its rate in
-//! 2⁻¹⁶ frames per second, and the position in the clip at the start:
+//! The clock counts ticks of 2⁻¹⁶ s. An instance's [`PlaybackRecord`] holds the low 32 bits of its start tick, its rate
+//! in 2⁻¹⁶ frames per second, and the position in the clip at the start:
 //!
 //! ```text
 //! elapsed  = max(now − start, 0)                      as a signed 32-bit number
@@ -50,7 +50,7 @@ impl Playback {
 /// Playback state of an instance, in the layout of `glsl/animate.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct HeadRecord {
+pub struct PlaybackRecord {
     /// Index of the clip.
     pub clip: u32,
     /// Low bits of the tick at which it is at `frame` and `fraction`.
@@ -69,7 +69,7 @@ pub struct HeadRecord {
     pub ranks_at: u32,
 }
 
-impl HeadRecord {
+impl PlaybackRecord {
     /// Whether a flag is set.
     pub const fn has(&self, flag: u32) -> bool {
         self.flags & flag != 0

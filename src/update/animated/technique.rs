@@ -3,7 +3,7 @@
 use super::clips::Clips;
 use super::layout::{GroupLayout, Layout};
 use super::playback::Playbacks;
-use super::sample::HeadRecord;
+use super::sample::PlaybackRecord;
 use super::steps::{AnimatedKernel, AnimatedUpdate, UPLOADED};
 use crate::abi::modules;
 use crate::abi::numbers::WORKGROUP;
@@ -27,7 +27,7 @@ use bytemuck::bytes_of;
 use std::sync::Arc;
 
 /// Most records of one update command, which is limited to 65,536 bytes.
-const RECORDS_MAX: usize = 65_536 / size_of::<HeadRecord>();
+const RECORDS_MAX: usize = 65_536 / size_of::<PlaybackRecord>();
 
 /// Pipelines that sample and plan, in the order of [`AnimatedKernel`]; independent of mesh and crowd.
 #[derive(Clone, Copy, PartialEq)]
@@ -168,7 +168,7 @@ impl Animated {
         for run in self.playbacks.changed() {
             let mut at = run.start as usize;
             for records in self.playbacks.records()[at..run.end as usize].chunks(RECORDS_MAX) {
-                let offset = at * size_of::<HeadRecord>();
+                let offset = at * size_of::<PlaybackRecord>();
                 let data = bytemuck::cast_slice(records);
                 // SAFETY: the caller's obligations; the records lie within the state, and are no more than Vulkan
                 // allows.
@@ -201,7 +201,7 @@ impl Animated {
 
     /// Workgroups that sample, in two dimensions if one is too small.
     fn sampling(&self, push: &AnimationPush) -> [u32; 2] {
-        let words = u64::from(push.heads) * u64::from(push.words);
+        let words = u64::from(push.instances) * u64::from(push.words);
         let invocations = words * u64::from(self.device.caps.tuning.sampling_lanes());
         let groups = invocations.div_ceil(WORKGROUP.into()).max(1);
         let x = groups.min(self.device.caps.max_workgroups.into());

@@ -63,12 +63,12 @@ proptest! {
         let clips = clips(std::slice::from_ref(&clip), format);
         let grid = grid();
         let playback = Playback { clip: 0, start, speed, repeat: if once { Repeat::Once } else { Repeat::Loop } };
-        let mut heads = Playbacks::new(1);
-        heads.play(0, &playback, &clips).unwrap();
+        let mut playbacks = Playbacks::new(1);
+        playbacks.play(0, &playback, &clips).unwrap();
         for seconds in seconds {
-            heads.set_time(seconds).unwrap();
-            heads.update(&clips);
-            let steps = sample(&clips, &heads.records()[0], heads.now());
+            playbacks.set_time(seconds).unwrap();
+            playbacks.update(&clips);
+            let steps = sample(&clips, &playbacks.records()[0], playbacks.now());
             // Ticks, rates and positions are rounded. Near a frame, both neighbours count.
             let slack = 3.0 * 90.0 / TICKS_PER_SECOND + 60.0 / 65_536.0;
             let most = f64::from(grid.weight_step()) + f64::from(clips.rounding(0).unwrap()) + 2.0 * slack;
@@ -89,20 +89,20 @@ proptest! {
     ) {
         let clips = clips(&[clip(frames, fps, |f, t| (f * 3 + t) as f32 / 200.0)], KeyFormat::Bits32);
         let repeat = if once { Repeat::Once } else { Repeat::Loop };
-        let mut heads = Playbacks::new(1);
-        heads.play(0, &Playback { speed, repeat, ..Playback::new(0) }, &clips).unwrap();
-        let first = heads.records()[0];
+        let mut playbacks = Playbacks::new(1);
+        playbacks.play(0, &Playback { speed, repeat, ..Playback::new(0) }, &clips).unwrap();
+        let first = playbacks.records()[0];
         let mut times = times;
         times.sort_by(f64::total_cmp);
         for seconds in times.into_iter().flat_map(|t| [t, t - 0.5, t - 3500.0]).filter(|t| *t >= 0.0) {
-            heads.set_time(seconds).unwrap();
-            heads.update(&clips);
-            let record = heads.records()[0];
+            playbacks.set_time(seconds).unwrap();
+            playbacks.update(&clips);
+            let record = playbacks.records()[0];
             // The exact value, in 128 bits.
             let at = (seconds * TICKS_PER_SECOND).round() as u128 * u128::from(first.rate);
             let whole = (frames as u128) << 32;
             let at = if once { at.min(whole - (1 << 32)) } else { at % whole };
-            let elapsed = heads.now().wrapping_sub(record.start) as i32;
+            let elapsed = playbacks.now().wrapping_sub(record.start) as i32;
             prop_assert_eq!(u128::from(record.position(frames as u32, elapsed.max(0).into())), at);
         }
     }
@@ -141,35 +141,41 @@ fn interpolation_rounds_to_nearest_and_reaches_both_ends() {
 }
 
 /// First and end of each range of records that the last update sends.
-fn runs(heads: &Playbacks) -> Vec<(u32, u32)> {
-    heads.changed().iter().map(|run| (run.start, run.end)).collect()
+fn runs(playbacks: &Playbacks) -> Vec<(u32, u32)> {
+    playbacks.changed().iter().map(|run| (run.start, run.end)).collect()
 }
 
 #[test]
 fn what_is_played_is_sent_once_and_again_when_it_was_discarded() {
     let clips = clips(&[clip(4, 24.0, |f, _| f as f32 / 8.0)], KeyFormat::Bits32);
-    let mut heads = Playbacks::new(4);
-    assert_eq!(heads.written(0), None);
-    for head in [0, 1, 3] {
-        heads.play(head, &Playback::new(0), &clips).unwrap();
+    let mut playbacks = Playbacks::new(4);
+    assert_eq!(playbacks.written(0), None);
+    for instance in [0, 1, 3] {
+        playbacks.play(instance, &Playback::new(0), &clips).unwrap();
     }
-    assert_eq!((heads.update(&clips), runs(&heads)), (0, vec![(0, 2), (3, 4)]));
-    assert_eq!((heads.update(&clips), runs(&heads)), (1, vec![]));
-    assert_eq!((heads.written(0), heads.written(2)), (Some((1, true)), Some((1, true))));
-    heads.set_hidden(2, true);
-    heads.reset_history(0);
-    assert_eq!((heads.update(&clips), runs(&heads)), (2, vec![(2, 3)]));
-    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((1, false))]);
-    heads.discard_from(2);
-    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((1, true)); 3]);
-    heads.set_hidden(2, false);
-    assert_eq!((heads.update(&clips), runs(&heads)), (2, vec![(2, 3)]));
-    assert_eq!([0, 1, 2].map(|head| heads.written(head)), [Some((2, false)), Some((2, true)), Some((2, true))]);
-    assert_eq!((heads.update(&clips), runs(&heads)), (3, vec![]));
-    heads.discard_from(0);
-    assert_eq!(heads.written(1), None);
-    assert_eq!((heads.update(&clips), runs(&heads)), (0, vec![(0, 4)]));
-    assert_eq!(heads.written(1), Some((0, false)));
+    assert_eq!((playbacks.update(&clips), runs(&playbacks)), (0, vec![(0, 2), (3, 4)]));
+    assert_eq!((playbacks.update(&clips), runs(&playbacks)), (1, vec![]));
+    assert_eq!((playbacks.written(0), playbacks.written(2)), (Some((1, true)), Some((1, true))));
+    playbacks.set_hidden(2, true);
+    playbacks.reset_history(0);
+    assert_eq!((playbacks.update(&clips), runs(&playbacks)), (2, vec![(2, 3)]));
+    assert_eq!(
+        [0, 1, 2].map(|instance| playbacks.written(instance)),
+        [Some((2, false)), Some((2, true)), Some((1, false))]
+    );
+    playbacks.discard_from(2);
+    assert_eq!([0, 1, 2].map(|instance| playbacks.written(instance)), [Some((1, true)); 3]);
+    playbacks.set_hidden(2, false);
+    assert_eq!((playbacks.update(&clips), runs(&playbacks)), (2, vec![(2, 3)]));
+    assert_eq!(
+        [0, 1, 2].map(|instance| playbacks.written(instance)),
+        [Some((2, false)), Some((2, true)), Some((2, true))]
+    );
+    assert_eq!((playbacks.update(&clips), runs(&playbacks)), (3, vec![]));
+    playbacks.discard_from(0);
+    assert_eq!(playbacks.written(1), None);
+    assert_eq!((playbacks.update(&clips), runs(&playbacks)), (0, vec![(0, 4)]));
+    assert_eq!(playbacks.written(1), Some((0, false)));
 }
 
 /// Discards restore the state before them as far as it is remembered, and invent nothing beyond that.
@@ -177,17 +183,17 @@ fn what_is_played_is_sent_once_and_again_when_it_was_discarded() {
 fn discarded_updates_change_nothing() {
     let clips = clips(&[], KeyFormat::Bits32);
     for (updates, discarded) in (1..13).flat_map(|updates| (0..=updates).map(move |discarded| (updates, discarded))) {
-        let mut heads = Playbacks::new(2);
-        let written = |heads: &Playbacks| [heads.written(0), heads.written(1)];
-        let mut before = vec![written(&heads)];
+        let mut playbacks = Playbacks::new(2);
+        let written = |playbacks: &Playbacks| [playbacks.written(0), playbacks.written(1)];
+        let mut before = vec![written(&playbacks)];
         for update in 0..updates {
-            heads.set_hidden(0, update % 2 == 1);
-            heads.reset_history(1);
-            heads.update(&clips);
-            before.push(written(&heads));
+            playbacks.set_hidden(0, update % 2 == 1);
+            playbacks.reset_history(1);
+            playbacks.update(&clips);
+            before.push(written(&playbacks));
         }
-        heads.discard_from(updates - discarded);
-        for (now, expected) in written(&heads).into_iter().zip(before[(updates - discarded) as usize]) {
+        playbacks.discard_from(updates - discarded);
+        for (now, expected) in written(&playbacks).into_iter().zip(before[(updates - discarded) as usize]) {
             let forgotten = discarded >= 8 && now.is_none();
             assert!(now == expected || forgotten, "{updates} {discarded}: {now:?}, {expected:?}");
         }
@@ -195,17 +201,17 @@ fn discarded_updates_change_nothing() {
 }
 
 #[test]
-fn a_reset_survives_a_discarded_update_that_hides_its_head() {
+fn a_reset_survives_a_discarded_update_that_hides_its_instance() {
     let clips = clips(&[], KeyFormat::Bits32);
-    let mut heads = Playbacks::new(1);
-    (0..2).for_each(|update| assert_eq!(heads.update(&clips), update));
-    heads.reset_history(0);
-    heads.set_hidden(0, true);
-    assert_eq!(heads.update(&clips), 2);
-    heads.discard_from(2);
-    heads.set_hidden(0, false);
-    assert_eq!((heads.update(&clips), heads.written(0)), (2, Some((2, false))));
-    assert_eq!((heads.update(&clips), heads.written(0)), (3, Some((3, true))));
+    let mut playbacks = Playbacks::new(1);
+    (0..2).for_each(|update| assert_eq!(playbacks.update(&clips), update));
+    playbacks.reset_history(0);
+    playbacks.set_hidden(0, true);
+    assert_eq!(playbacks.update(&clips), 2);
+    playbacks.discard_from(2);
+    playbacks.set_hidden(0, false);
+    assert_eq!((playbacks.update(&clips), playbacks.written(0)), (2, Some((2, false))));
+    assert_eq!((playbacks.update(&clips), playbacks.written(0)), (3, Some((3, true))));
 }
 
 #[test]
@@ -222,7 +228,7 @@ fn what_cannot_be_played_is_refused() {
     refuse(WeightClip { names: vec!["jaw".into()], values: vec![0.0], ..clip(1, 30.0, |_, _| 0.0) }, "'jaw'");
 
     let clips = clips(&[clip(2, 30.0, |_, _| 0.0)], KeyFormat::Bits16);
-    let mut heads = Playbacks::new(1);
+    let mut playbacks = Playbacks::new(1);
     let good = Playback::new(0);
     for (playback, words) in [
         (Playback { clip: 1, ..good }, "clip 1 of 1"),
@@ -231,13 +237,13 @@ fn what_cannot_be_played_is_refused() {
         (Playback { start: f64::INFINITY, ..good }, "second inf"),
         (Playback { start: 20_000.0, ..good }, "20000 seconds ahead"),
     ] {
-        testing::says(heads.play(0, &playback, &clips), &[words]);
+        testing::says(playbacks.play(0, &playback, &clips), &[words]);
     }
-    heads.set_time(1e6).unwrap();
-    heads.play(0, &Playback { start: 1e6, ..good }, &clips).unwrap();
-    assert!(heads.set_time(1e5).unwrap_err().to_string().contains("play its clip again"));
-    heads.play(0, &Playback { start: 1e5, ..good }, &clips).unwrap();
-    heads.set_time(1e5).unwrap();
+    playbacks.set_time(1e6).unwrap();
+    playbacks.play(0, &Playback { start: 1e6, ..good }, &clips).unwrap();
+    assert!(playbacks.set_time(1e5).unwrap_err().to_string().contains("play its clip again"));
+    playbacks.play(0, &Playback { start: 1e5, ..good }, &clips).unwrap();
+    playbacks.set_time(1e5).unwrap();
 }
 
 #[test]

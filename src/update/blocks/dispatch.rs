@@ -250,15 +250,15 @@ impl Tiles {
         } else {
             self.table.clear();
             self.table.resize(entries.len(), ([0; TILE], 0));
-            for (place, &i) in members.iter().enumerate() {
+            for (member, &i) in members.iter().enumerate() {
                 for element in list.elements_of(&list.items[i as usize]) {
                     let (row, needed) = &mut self.table[element.entry as usize - entries.start];
-                    (row[place], *needed) = (element.coefficient, *needed | 1 << place);
+                    (row[member], *needed) = (element.coefficient, *needed | 1 << member);
                 }
             }
             let narrow = members.len() / 2;
             let first = (1 << narrow) - 1;
-            let rows = |places: u32| self.table.iter().filter(|(_, needed)| needed & places != 0).count();
+            let rows = |these: u32| self.table.iter().filter(|(_, needed)| needed & these != 0).count();
             let [all, one, other] = [u32::MAX, first, !first].map(rows);
             let load = self.device.load_cost as usize;
             if (one + other) * (load + narrow) < all * (load + 2 * narrow) {
@@ -283,9 +283,9 @@ impl Tiles {
             tile.count = 1;
         }
         self.rows.resize(self.rows.len().next_multiple_of(ALIGN), 0);
-        for (place, &i) in members.iter().enumerate() {
-            tile.items[place] = i;
-            tile.rebuilt |= u32::from(list.items[i as usize].source.is_none()) << place;
+        for (member, &i) in members.iter().enumerate() {
+            tile.items[member] = i;
+            tile.rebuilt |= u32::from(list.items[i as usize].source.is_none()) << member;
         }
         self.items[half % 2 * WIDTHS + width].push(tile);
     }

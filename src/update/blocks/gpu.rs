@@ -10,7 +10,7 @@ use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::{base_offset, deltas_bytes};
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::vertex::PlaceConstants;
+use crate::pack::vertex::OffsetConstants;
 use crate::update::technique::{Context, Poses};
 use ash::vk::{self, BufferUsageFlags};
 use bytemuck::bytes_of;
@@ -76,18 +76,18 @@ struct BlocksKey {
     /// Rounds sums, and not products.
     rounds_sums: bool,
     /// Component offsets in host vertices.
-    places: Option<PlaceConstants>,
+    offsets: Option<OffsetConstants>,
 }
 
 impl PipelineKey for BlocksKey {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let Self { module, size, lanes, width, few_registers, rounds_sums, places } = self;
+        let Self { module, size, lanes, width, few_registers, rounds_sums, offsets } = self;
         objects.add_layout(&[module.kernel], 0)?;
         let sums = 2 * u32::from(rounds_sums);
         let own = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt + sums, few_registers.into()]);
         let count = module.kernel.constants as usize;
-        let places = places.as_ref().map_or(&[][..], |places| places);
-        let constants: Vec<Vec<u32>> = own.iter().map(|own| [&own[..count], places].concat()).collect();
+        let offsets = offsets.as_ref().map_or(&[][..], |offsets| offsets);
+        let constants: Vec<Vec<u32>> = own.iter().map(|own| [&own[..count], offsets].concat()).collect();
         objects.add_compute(module, &constants.iter().map(Vec::as_slice).collect::<Vec<_>>())
     }
 }
@@ -113,9 +113,9 @@ impl BlocksKernels {
         let module = kernel.module(format.row(), pose.row(), 0)?;
         let size = context.layout().index()?.size() as u32;
         let few_registers = tuning.few_registers;
-        let places = context.poses.place_constants();
+        let offsets = context.poses.offset_constants();
         let rounds_sums = pose.row().rounds_sums;
-        let key = |width| BlocksKey { module, size, lanes, width, few_registers, rounds_sums, places };
+        let key = |width| BlocksKey { module, size, lanes, width, few_registers, rounds_sums, offsets };
         let kernel = |width| context.kernels.get(key(width));
         let how = Dispatching { group, widths, tuning, most: context.caps().max_workgroups, items, texels };
         Ok(Self { how, kernels: (0..widths).map(kernel).collect::<Result<_>>()? })

@@ -240,16 +240,16 @@ proptest! {
         let mut planner = Planner::new(desc, [mesh.layout()], instances).unwrap();
         let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
         let mut tiles = Tiles::new(&index, instances, tuning, 0);
-        let mut heads = Instances::new(instances, TARGETS, slots, 1);
+        let mut crowd = Instances::new(instances, TARGETS, slots, 1);
         let mut weights = vec![[0.0; TARGETS]; instances];
         for (update, changes) in frames.iter().enumerate() {
             for (weight, change) in weights.iter_mut().flatten().zip(changes) {
                 *weight = change.map_or(*weight, |w| f32::from(w) * 0.25);
             }
             for (i, weights) in weights.iter().enumerate() {
-                heads.set_weights(i as u32, weights).unwrap();
+                crowd.set_weights(i as u32, weights).unwrap();
             }
-            planner.plan(&mut heads, update as u64 + 1);
+            planner.plan(&mut crowd, update as u64 + 1);
             let list = &planner.groups[0].list;
             tiles.clear();
             tiles.sort(&index, list, 0..list.items.len());
@@ -297,13 +297,13 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
     let desc = UpdateDesc::blocks();
     let mut planner = Planner::new(desc, [mesh.layout()], TILE).unwrap();
     let mut tiles = Tiles::new(&index, TILE, tuning, 0);
-    let mut heads = Instances::new(TILE, TARGETS, desc.slots, 1);
+    let mut crowd = Instances::new(TILE, TARGETS, desc.slots, 1);
     for update in 1..4 {
-        for head in 0..TILE {
-            let weight = |t| if changed(head, t) { 0.25 * update as f32 } else { 0.25 };
-            heads.set_weights(head as u32, &std::array::from_fn::<f32, TARGETS, _>(weight)).unwrap();
+        for instance in 0..TILE {
+            let weight = |t| if changed(instance, t) { 0.25 * update as f32 } else { 0.25 };
+            crowd.set_weights(instance as u32, &std::array::from_fn::<f32, TARGETS, _>(weight)).unwrap();
         }
-        planner.plan(&mut heads, update);
+        planner.plan(&mut crowd, update);
     }
     let list = &planner.groups[0].list;
     tiles.sort(&index, list, 0..list.items.len());
@@ -312,16 +312,20 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
 }
 
 #[test]
-fn heads_share_a_tile_where_they_share_entries() {
+fn instances_share_a_tile_where_they_share_entries() {
     let wide = DeviceTuning { widest_tile: TILE as u32, ..DeviceClass::Desktop.tuning() };
     let widths = |changed: &dyn Fn(usize, usize) -> bool| widths_of(wide, changed);
     let blocks = widths(&|_, _| true)[3];
     assert!(blocks > 1);
     assert_eq!(widths(&|_, _| true), [0, 0, 0, blocks], "all change: one tile of eight a block");
-    assert_eq!(widths(&|head, t| t == head)[2..], [0, 0], "heads that have nothing in common share no tile");
-    let half = widths(&|head, t| (head + t) % 2 == 0);
-    assert!(half[3] > 0 && half[0] == 0, "heads that have half in common do not: {half:?}");
-    let most = |head: usize, t: usize| t % 5 != head / 4;
+    assert_eq!(
+        widths(&|instance, t| t == instance)[2..],
+        [0, 0],
+        "instances that have nothing in common share no tile"
+    );
+    let half = widths(&|instance, t| (instance + t) % 2 == 0);
+    assert!(half[3] > 0 && half[0] == 0, "instances that have half in common do not: {half:?}");
+    let most = |instance: usize, t: usize| t % 5 != instance / 4;
     let cheap = DeviceTuning { load_cost: 0, ..wide };
     let (shared, alone) = (widths_of(wide, most)[3], widths_of(cheap, most)[3]);
     assert!(alone < shared, "where loading costs nothing, tiles are halved for less: {alone} of {shared} are whole");

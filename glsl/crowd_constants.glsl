@@ -1,7 +1,7 @@
 // The constants of both kernels of crowds.
 
 // Instances of an item.
-layout(constant_id = 2) const uint HEADS = 1;
+layout(constant_id = 2) const uint INSTANCES = 1;
 // 1: all instances of all items start from the base pose, which is loaded once.
 // Plus 2: sums are rounded to the pose's unit, and not each product (ROUNDED_PRODUCTS).
 layout(constant_id = 3) const uint REBUILT_ITEMS = 0;
