@@ -34,7 +34,7 @@ pub struct Cli {
     pub command: Command,
 }
 
-/// The words of a command line, with the settings of `--set` joined again that a shell has split at the spaces of a name.
+/// The words of a command line. Settings of `--set` that a shell has split at the spaces of a name are joined again.
 pub fn with_whole_settings(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut all: Vec<OsString> = vec![];
     for word in words {
@@ -372,7 +372,7 @@ impl UpdateArgs {
             ("--format", self.formats.len()),
         ];
         let several = given.iter().find(|(_, count)| *count > 1);
-        several.map_or(Ok(()), |(option, _)| Err(format!("{option}: {command} takes one; name one of them")))
+        several.map_or(Ok(()), |(option, _)| Err(format!("{option}: {command} accepts only one; name one of them")))
     }
 
     /// The error budget as a length.

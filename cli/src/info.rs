@@ -98,7 +98,7 @@ fn formats(input: &Input, out: &Output) -> Vec<DeltaFormat> {
     }
     let one = input.packed.as_ref().map_or(DeltaFormat::Fast, |packed| packed.layout().format);
     let (deltas, name) = (thousands(deltas), one.name());
-    out.warn(format_args!("{deltas} deltas: measured in the format {name} alone; `pack --format` measures others"));
+    out.warn(format_args!("{deltas} deltas: only the format {name} is measured; `pack --format` measures others"));
     vec![one]
 }
 
@@ -177,8 +177,8 @@ fn text(info: &Info, sample: &Sample<'_>) -> String {
     let of = match all == diagonal {
         true => String::new(),
         false => format!(
-            ": that of the box around the smallest group of parts that targets move, which lengths are fractions of; of \
-             the whole bounding box: {all}"
+            " (of the bounding box of the smallest group of parts that targets move; lengths are fractions of it; \
+             whole mesh: {all})"
         ),
     };
     let mut parts = vec![format!(
@@ -201,12 +201,12 @@ fn text(info: &Info, sample: &Sample<'_>) -> String {
         ("largest delta", &|t| sig3(t.max_delta.into())),
         ("of diagonal", &|t| of_diagonal(t.max_delta)),
     ];
-    parts.push(Table::of(&info.targets, targets).to_string());
+    parts.push(Table::of(&info.targets, 1, targets).to_string());
     let (Overlap { union, mean, max }, Blocks { format, size, count, incidence, fill }) = (&info.overlap, &info.blocks);
     let ([union, fill], mean) = ([union, fill].map(|share| percent(*share)), sig3(*mean));
     let [count, pairs] = [count, incidence].map(|n| thousands(*n));
     parts.push(format!(
-        "{union} of the vertices are moved by some target; each of these by {mean} targets on average, {max} at most\n\
+        "{union} of the vertices are affected by targets, each of them by {mean} targets on average, {max} at most\n\
          {count} blocks of {size} vertices in the format {format}: {pairs} block-target pairs, {fill} full"
     ));
     let formats: &[Column<'_, Measured>] = &[
@@ -217,7 +217,7 @@ fn text(info: &Info, sample: &Sample<'_>) -> String {
         ("position error", &|f| format!("{} of the diagonal", sig3(f.cost.position_error_rel))),
         ("normal error", &|f| format!("{}°", sig3(f.cost.normal_error_deg))),
     ];
-    parts.push(Table::of(&info.formats, formats).to_string());
+    parts.push(Table::of(&info.formats, 1, formats).to_string());
     let held = info.formats.iter().find(|f| f.name == info.pose_deltas);
     // For `blocks`, and for `compute`.
     let dense = info.formats.iter().find(|f| f.name == DeltaFormat::Snorm16.name() && f.name != info.pose_deltas);
@@ -234,7 +234,7 @@ fn text(info: &Info, sample: &Sample<'_>) -> String {
         ("still frames", &|c| percent(c.still)),
     ];
     if !info.clips.is_empty() {
-        parts.push(Table::of(&info.clips, clips).to_string());
+        parts.push(Table::of(&info.clips, 1, clips).to_string());
     }
     parts.join("\n\n")
 }

@@ -112,7 +112,7 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
     let (mesh, clips, looks_back) = match &args.input {
         None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![], false),
         Some(path) if path == Path::new("-") => {
-            let text = "-: a mesh is not read from standard input, only a clip (--weights -); name a folder or file";
+            let text = "-: only clips can be read from standard input (--weights -); name a folder or file";
             return Err(Failure::Usage(text.into()));
         }
         Some(path) => {
@@ -149,7 +149,7 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
     spinner.finish_and_clear();
     kept.notes.iter().for_each(|note| out.warn(note));
     if packed.is_some() {
-        let what = "errors are against what it holds; those against the raw files cannot be told";
+        let what = "errors are measured against its content, not against the original files";
         out.warn(format_args!("{origin} is packed: {what}"));
     }
     Ok(Input {
@@ -208,7 +208,7 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     bound.notes.iter().for_each(|text| note(text));
     let most = bound.largest();
     if most >= PERCENT {
-        note(&format!("weights up to {most}; 1 is a whole target: are they percentages?"));
+        note(&format!("weights up to {most}, but 1 applies a target in full: are they percentages?"));
     }
     Ok(bound)
 }
@@ -219,7 +219,7 @@ pub fn check_frame(path: &Path, clip: &BoundClip, frame: usize) -> Result<(), Fa
     if frame < count {
         return Ok(());
     }
-    let text = format!("has {count} frames, counted from 0; there is no frame {frame}");
+    let text = format!("has no frame {frame}; its {count} frames are counted from 0");
     Err(Failure::Usage(format!("{}: {text}", path.display())))
 }
 
@@ -270,7 +270,7 @@ impl Input {
     pub fn unknown(&self, name: &str) -> String {
         let known = self.targets();
         let near = closest(name, &known).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
-        format!("'{}' has no such target; `deltamorph info` lists the {} there are{near}", self.kept.name, known.len())
+        format!("'{}' has no such target; `deltamorph info` lists its {} targets{near}", self.kept.name, known.len())
     }
 
     /// Weights of the targets with only `settings`.
@@ -300,7 +300,7 @@ impl Input {
 
     /// What was read; without it a note says why.
     pub fn unless_bad<T>(&self, clip: Result<T, impl Into<Failure>>) -> Option<T> {
-        let note = |why: Failure| self.out.iter().for_each(|out| out.warn(format_args!("{why}; left out")));
+        let note = |why: Failure| self.out.iter().for_each(|out| out.warn(format_args!("{why}; skipped")));
         clip.map_err(Into::into).map_err(note).ok()
     }
 
@@ -318,7 +318,7 @@ impl Input {
     pub fn held(&self, settings: &Settings) -> Result<Vec<(usize, f32)>, Failure> {
         let known = self.targets();
         let refuse = |name: &str, why: String| Failure::Usage(format!("--set {name}: {why}"));
-        let twice = |name: &str| refuse(name, "set twice; leave one of them out".into());
+        let twice = |name: &str| refuse(name, "set twice; leave out one of them".into());
         let (names, weights): (Vec<String>, Vec<f32>) = settings.iter().flatten().cloned().unzip();
         let mut held = vec![];
         for ((meant, name), weight) in meanings(&names, &known).map_err(twice)?.into_iter().zip(&names).zip(weights) {

@@ -74,7 +74,7 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::View(args) => view::run(args, device, out),
         #[cfg(not(feature = "viewer"))]
         Command::View(_) => Err(Failure::Usage(
-            "view: this program was built without its window; build with `cargo build --release --features viewer`"
+            "view: this program was built without the window; build it with `cargo build --release --features viewer`"
                 .into(),
         )),
         Command::Lod(args) => lod::run(args, device, out),

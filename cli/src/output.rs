@@ -128,16 +128,16 @@ impl Output {
                 continue;
             }
             let why = if read.contains(place) {
-                "is part of what is read".into()
+                "is an input".into()
             } else if outputs[..i].iter().any(|(_, other)| other == place) {
-                "is named for two outputs".into()
+                "is another output, too".into()
             } else if let Some(folder) = folder.filter(|folder| place.starts_with(place_of(folder))) {
-                format!("lies in {}, which is written too", folder.display())
+                format!("is in {}, which is also written", folder.display())
             } else {
                 can_write(path)?;
                 continue;
             };
-            let text = format!("{}: {why}, and would be written over; name another file", path.display());
+            let text = format!("{}: {why}, and would be overwritten; name another file", path.display());
             return Err(Failure::Usage(text));
         }
         folder.map_or(Ok(()), create_folder)
@@ -250,7 +250,7 @@ pub fn claim(folder: &Path, complaint: &str, ours: impl FnOnce() -> bool) -> Res
 
 pub fn create_folder(path: &Path) -> Result<(), Failure> {
     if path.exists() && !path.is_dir() {
-        return Err(Failure::Usage(format!("{}: is no folder; name another one", path.display())));
+        return Err(Failure::Usage(format!("{}: is not a folder; name another one", path.display())));
     }
     std::fs::create_dir_all(path).map_err(|e| Failure::io(path, "create the folder", e))
 }

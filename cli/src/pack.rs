@@ -23,13 +23,17 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     // Files hold positions relative to 0.
     let origin = input.kept.origin;
     if input.kept.positions.iter().any(|position| *position + origin - origin != *position) {
-        out.warn(format_args!("positions of the file are relative to {origin}: it cannot hold them so far from 0"));
+        out.warn(format_args!(
+            "positions in the file are relative to {origin}: so far from 0, they would lose precision"
+        ));
         Arc::make_mut(&mut input.kept).origin = Vec3::ZERO;
     }
     if let Some(mesh) = &input.packed {
         let lost = sig3(mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position));
         let origin = &input.origin;
-        out.warn(format_args!("{origin} lost {lost} in length when it was packed; the error below is on top of that"));
+        out.warn(format_args!(
+            "{origin} has an error of {lost} from when it was packed; the errors below do not include it"
+        ));
     }
     let spinner = out.spinner("packing");
     let desc = PackDesc { blocks: args.pack.desc(), ..PackDesc::new(format) };
@@ -50,7 +54,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let (Cost { delta_bytes, index_bytes, dense_f32_bytes, .. }, output) = (measured.cost, args.output.display());
     let times = match delta_bytes + index_bytes {
         0 => String::new(),
-        deltas => format!(", {} times as much", sig3(dense_f32_bytes as f64 / deltas as f64)),
+        deltas => format!(", {} times as large", sig3(dense_f32_bytes as f64 / deltas as f64)),
     };
     let [file, deltas, dense] = [file_bytes, delta_bytes + index_bytes, dense_f32_bytes].map(|n| bytes(n as f64));
     let [vertices, entries, moved, blocks] =

@@ -145,7 +145,7 @@ fn summary(args: &PlayArgs, clip: &str, frames: &[FrameRow], checks: &Checks<'_>
     let moved = moved.map(|s| s.mean);
     let share = moved.filter(|_| dense > 0.0).map(|moved| moved / dense);
     let of_dense = share.map_or(String::new(), |share| {
-        format!(": {} of what whole poses in float32 would take ({})", percent(share), bytes(dense))
+        format!(": {} of the bytes of whole poses in float32 ({})", percent(share), bytes(dense))
     });
     let told = match moved {
         Some(moved) => format!("moved {} per frame{of_dense}", bytes(moved)),

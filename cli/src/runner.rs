@@ -35,7 +35,7 @@ pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, 
     }
     if let Some(caps) = gpu.as_ref().map(Gpu::caps).filter(|caps| caps.is_software()) {
         let name = &caps.name;
-        out.warn(format_args!("{name} is a software driver: the processor plays the GPU"));
+        out.warn(format_args!("{name} is a software driver: it runs on the CPU"));
     }
     Ok(gpu)
 }
@@ -62,7 +62,7 @@ fn open_for(args: &RunArgs, choice: Option<&DeviceChoice>, out: &Output) -> Resu
 
 fn no_device(path: UpdatePath) -> Error {
     Error::NoDevice {
-        what: format!("update path '{}' needs a Vulkan device and there is none", path.name()),
+        what: format!("update path '{}' needs a Vulkan device, and there is none", path.name()),
         remedy: "install a driver (./with-vulkan installs lavapipe), or use --path cpu",
     }
 }
@@ -83,7 +83,7 @@ pub fn packed(
         return Ok(held.clone());
     }
     Err(Failure::Usage(format!(
-        "--block-size, --position-error and --normal-error say how to pack, but {} is packed already; leave them out, \
+        "--block-size, --position-error and --normal-error apply to packing, but {} is packed already; leave them out, \
          or give the folder that it was packed from",
         input.origin
     )))
@@ -320,7 +320,7 @@ impl Stage {
         let gpu = gpu.filter(|gpu| updates(gpu, args));
         let (mesh, desc) = prepare(args, input, gpu.as_deref().map(Gpu::engine), out)?;
         let threads = args.update.threads.unwrap_or(0);
-        let source = if input.packed.is_some() { "what the packed file holds" } else { "the source" };
+        let source = if input.packed.is_some() { "the packed file" } else { "the source" };
         Ok(Self { gpu, threads, source, mesh, desc })
     }
 
@@ -340,7 +340,7 @@ impl Stage {
     /// An instance that plays `clip` from its beginning, planned on the device.
     pub fn animated(&self, clip: &WeightClip) -> Result<Runner<'_>, Failure> {
         let gpu = self.gpu.as_deref().filter(|_| self.desc.path == UpdatePath::Blocks);
-        let gpu = gpu.ok_or_else(|| Failure::Usage("--animated plans on a Vulkan device: use --path blocks".into()))?;
+        let gpu = gpu.ok_or_else(|| Failure::Usage("--animated needs a Vulkan device and the path blocks".into()))?;
         let (desc, clips) =
             (CrowdDesc { frames_in_flight: 1, ..CrowdDesc::new(self.desc) }, AnimationDesc::new(from_ref(clip)));
         let mut crowd = HeadlessCrowd::animated(gpu, &self.mesh, &desc, &clips)?;
@@ -392,7 +392,7 @@ pub fn prepare(
     let format = update.formats.first().copied().or_else(|| defaults.find(fits)).filter(fits);
     let format = format.ok_or_else(|| {
         let names: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
-        Failure::Usage(format!("--format: the path '{}' takes {}", path.name(), names.join(" or ")))
+        Failure::Usage(format!("--format: the path '{}' supports {}", path.name(), names.join(" or ")))
     })?;
     let default = UpdateDesc::new(path, batch_size(args.batch_size, path, engine, format)?);
     let desc = UpdateDesc {
@@ -412,8 +412,8 @@ pub fn prepare(
         && before.weight_max < after.weight_max
     {
         let (pose, by) = (desc.pose.name(), after.units[0] / before.units[0]);
-        let steps = if by == 1.0 { String::new() } else { format!(" in steps {by} times as long") };
-        out.warn(format_args!("weights up to {largest}: {pose} poses hold them{steps}"));
+        let steps = if by == 1.0 { String::new() } else { format!(", with steps {by} times as large") };
+        out.warn(format_args!("weights up to {largest}: the range of {pose} poses is extended to them{steps}"));
     }
     desc.check_for(mesh.layout()).map_err(|e| Failure::Usage(format!("{e}; see --pose and --weight-max")))?;
     Ok((mesh, desc))
@@ -448,7 +448,10 @@ fn batch_size(
     let (allowed, _) = expand_batches(&[spec], path, max);
     allowed.last().copied().ok_or_else(|| {
         let all = if path.takes_all_targets() { ", or \"all\"" } else { "" };
-        Failure::Usage(format!("--batch-size: path '{}' takes 1 to {max} targets per pass here{all}", path.name()))
+        Failure::Usage(format!(
+            "--batch-size: the path '{}' supports 1 to {max} targets per pass here{all}",
+            path.name()
+        ))
     })
 }
 

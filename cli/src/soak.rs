@@ -30,7 +30,7 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let hash = sums.map(|sums| format!("{:016x}", sums.hash));
     let exact = match (bit_exact, &hash) {
         (Some(true), Some(hash)) => format!("\nsums and poses equal full evaluations bit for bit; hash {hash}"),
-        (Some(_), _) => "\nsums or poses are NOT those of full evaluations".to_owned(),
+        (Some(_), _) => "\nsums or poses DIFFER from full evaluations".to_owned(),
         (None, _) => String::new(),
     };
     let (frames, setup, found) = (thousands(args.frames), stage.describe(), checks.text());
@@ -46,7 +46,7 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     if bit_exact == Some(false) {
         let path = stage.desc.path.name();
         return Err(Failure::Failed(format!(
-            "the integer sums or poses through '{path}' are not those of a full evaluation; {REMEDY}"
+            "integer sums or poses of the path '{path}' differ from a full evaluation; {REMEDY}"
         )));
     }
     checks.verdict(out)

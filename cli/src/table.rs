@@ -49,6 +49,9 @@ pub struct Table {
     pub left: usize,
 }
 
+/// The text of an empty cell.
+pub const NONE: &str = "–";
+
 /// A heading, and the cell of a row.
 pub type Column<'a, R> = (&'a str, &'a dyn Fn(&R) -> String);
 
@@ -58,10 +61,13 @@ impl Table {
         Self { headings: headings.iter().map(|h| (*h).to_owned()).collect(), rows: vec![], left }
     }
 
-    /// A row for each of `rows`; the first column holds words.
-    pub fn of<R>(rows: &[R], columns: &[Column<'_, R>]) -> Self {
-        let mut table = Self::new(&columns.iter().map(|(heading, _)| *heading).collect::<Vec<_>>(), 1);
-        rows.iter().for_each(|row| table.row(columns.iter().map(|(_, cell)| cell(row))));
+    /// A row for each of `rows`; the first `left` columns hold words. Columns that are [`NONE`] in every row are left
+    /// out.
+    pub fn of<R>(rows: &[R], left: usize, columns: &[Column<'_, R>]) -> Self {
+        let filled = columns.iter().filter(|(_, cell)| rows.is_empty() || rows.iter().any(|row| cell(row) != NONE));
+        let filled: Vec<_> = filled.collect();
+        let mut table = Self::new(&filled.iter().map(|(heading, _)| *heading).collect::<Vec<_>>(), left);
+        rows.iter().for_each(|row| table.row(filled.iter().map(|(_, cell)| cell(row))));
         table
     }
 
@@ -127,7 +133,7 @@ pub fn sig3(value: f64) -> String {
 }
 
 pub fn optional(value: Option<f64>) -> String {
-    value.map_or("–".into(), sig3)
+    value.map_or(NONE.into(), sig3)
 }
 
 /// Formats a count, or a mean of counts.

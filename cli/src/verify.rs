@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::sync::Arc;
 
 /// Remedy for a wrong pose.
-pub const REMEDY: &str = "try another --path, and report this with what `deltamorph devices` prints";
+pub const REMEDY: &str = "try another --path, and report this with the output of `deltamorph devices`";
 
 /// Largest position error of a right result, as a fraction of the diagonal; [`Promise::beyond`] adds to it for larger
 /// coordinates.
@@ -66,10 +66,10 @@ fn worse(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
-/// How far vertices are from where the source has them at the weights asked for, and what leads there step by step: the
+/// How far vertices are from where the source has them at the requested weights, and what leads there step by step: the
 /// parts add up to the whole or more, and are NaN (in JSON null) where they are not measured. In JSON; fields may be
 /// added, never renamed.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub struct Errors {
     /// The largest distance, in input units, and as a fraction of the diagonal.
     pub max_error: f64,
@@ -93,26 +93,15 @@ impl Errors {
             rounding_error_rel: rounding / scale,
         }
     }
+}
 
-    /// Those of a pose; `reference` is the one of the applied weights on the packed deltas.
-    pub fn of(pose: &[f32], reference: &[f64], mesh: &PackedMesh, source: &MorphMesh, weights: &[f32]) -> Self {
-        let asked = evaluate(mesh, weights);
-        let truth = evaluate_unpacked(source, weights);
-        let [whole, rounding] = [&truth, reference].map(|from| compare(pose, from).position);
-        let lengths = [whole, farthest(&asked, &truth), farthest(reference, &asked), rounding];
-        Self::new(lengths, scale(mesh.layout().diagonal))
-    }
-
-    /// The larger of each.
-    pub fn max(self, other: Self) -> Self {
-        Self {
-            max_error: worse(self.max_error, other.max_error),
-            max_error_rel: worse(self.max_error_rel, other.max_error_rel),
-            packing_error_rel: worse(self.packing_error_rel, other.packing_error_rel),
-            weights_error_rel: worse(self.weights_error_rel, other.weights_error_rel),
-            rounding_error_rel: worse(self.rounding_error_rel, other.rounding_error_rel),
-        }
-    }
+/// The whole and its parts of a pose, in input units; `reference` is the pose of the applied weights on the packed
+/// deltas.
+fn errors(pose: &[f32], reference: &[f64], mesh: &PackedMesh, source: &MorphMesh, weights: &[f32]) -> [f64; 4] {
+    let requested = evaluate(mesh, weights);
+    let truth = evaluate_unpacked(source, weights);
+    let [whole, rounding] = [&truth, reference].map(|from| compare(pose, from).position);
+    [whole, farthest(&requested, &truth), farthest(reference, &requested), rounding]
 }
 
 /// The largest distance between vertices of two poses.
@@ -232,8 +221,8 @@ impl Promise {
     /// Describes the errors if they exceed the bounds.
     pub fn complaint(&self, found: &Found) -> String {
         format!(
-            "positions are off by {:.3e} of the diagonal ({:.1e} allowed), normals by {:.4}° \
-             ({NORMAL_BOUND_DEGREES}° allowed, beside rounding to the unit of poses)",
+            "positions have an error of {:.3e} of the diagonal ({:.1e} allowed), normals of {:.4}° \
+             ({NORMAL_BOUND_DEGREES}° allowed, plus rounding to the unit of poses)",
             found.error.position / self.scale,
             self.allowed(found) / self.scale,
             found.turned
@@ -272,12 +261,13 @@ pub struct Checks<'a> {
     pub promise: Promise,
     /// Those of the further streams, group after group.
     promises: Vec<Promise>,
-    /// Compares normals, too, and positions with these deltas at the weights asked for.
+    /// Compares normals, too, and positions with these deltas at the requested weights.
     source: Option<Arc<MorphMesh>>,
     count: usize,
     additions: usize,
     pub found: Found,
-    pub errors: Errors,
+    /// The largest [`errors`], in input units.
+    most: [f64; 4],
     /// The first frame out of bounds, and a description of its errors.
     wrong: Option<(usize, String)>,
 }
@@ -320,7 +310,7 @@ impl<'a> Checks<'a> {
             count: 0,
             additions: 0,
             found: Found::default(),
-            errors: Errors::default(),
+            most: [0.0; 4],
             wrong: None,
         }
     }
@@ -352,13 +342,13 @@ impl<'a> Checks<'a> {
         let found = self.promise.find(pose, &reference, &applied);
         let mut found = Found { bound, additions: self.additions, ..found };
         let errors = if let Some(source) = &self.source {
-            Errors::of(pose, &reference, mesh, source, weights)
+            errors(pose, &reference, mesh, source, weights)
         } else {
             found.turned = 0.0;
             let error = found.error.position;
-            Errors::new([error, f64::NAN, f64::NAN, error], self.promise.scale)
+            [error, f64::NAN, f64::NAN, error]
         };
-        self.errors = self.errors.max(errors);
+        self.most.iter_mut().zip(errors).for_each(|(most, error)| *most = worse(*most, error));
         let mut complaint = (!self.promise.kept(&found)).then(|| self.promise.complaint(&found));
         for (group, packed) in mesh.groups().iter().enumerate().skip(1) {
             let promise = &self.promises[group - 1];
@@ -368,8 +358,9 @@ impl<'a> Checks<'a> {
                 let allowed = promise.allowed(&Found { bound, reach: reach + promise.scale, ..found });
                 found.streams = worse(found.streams, off);
                 if off.is_nan() || off > allowed {
-                    complaint
-                        .get_or_insert(format!("streams of group {group} are off by {off:.3e}, {allowed:.1e} allowed"));
+                    complaint.get_or_insert(format!(
+                        "streams of group {group} have an error of {off:.3e} ({allowed:.1e} allowed)"
+                    ));
                 }
             }
         }
@@ -378,7 +369,11 @@ impl<'a> Checks<'a> {
         }
         self.count += 1;
         self.found = self.found.max(found);
-        Ok((step, Some(errors.max_error)))
+        Ok((step, Some(errors[0])))
+    }
+
+    fn errors(&self) -> Errors {
+        Errors::new(self.most, self.promise.scale)
     }
 
     pub fn record(&self) -> Checked {
@@ -388,7 +383,7 @@ impl<'a> Checks<'a> {
             bound: self.found.bound,
             bound_rel: self.found.bound / self.promise.scale,
             streams_error: self.found.streams,
-            errors: self.errors,
+            errors: self.errors(),
         }
     }
 
@@ -397,44 +392,41 @@ impl<'a> Checks<'a> {
         let relative = |length: f64| sig3(length / self.promise.scale);
         let bound = match self.found.bound {
             0.0 => String::new(),
-            bound if self.promise.tracked => format!(", at most {} by the bound kept", relative(bound)),
-            bound if self.promise.budget > 0.0 => format!(", at most {} of it by rounding poses", relative(bound)),
-            bound => format!(", at most {} by rounding poses", relative(bound)),
+            bound if self.promise.tracked => format!("; bound: {}", relative(bound)),
+            bound if self.promise.budget > 0.0 => format!("; at most {} of it from rounding poses", relative(bound)),
+            bound => format!("; at most {} from rounding poses", relative(bound)),
         };
         let streams = match self.found.streams {
             0.0 => String::new(),
-            off => format!("; further streams {} off", sig3(off)),
+            off => format!("; maximum error of further streams: {}", sig3(off)),
         };
-        let Errors { max_error, max_error_rel: whole, .. } = self.errors;
-        let [packing, weights, rounding] =
-            [self.errors.packing_error_rel, self.errors.weights_error_rel, self.errors.rounding_error_rel].map(sig3);
-        let against = match &self.source {
-            None => "the float64 reference".to_owned(),
-            Some(_) => format!(
-                "{} at the weights asked for: packing {packing}, rounded weights {weights}, rounding {rounding}",
-                self.stage.source
-            ),
+        let [whole, packing, weights, rounding] = self.most.map(relative);
+        let (against, parts) = match &self.source {
+            None => ("the float64 reference", String::new()),
+            Some(_) => {
+                (self.stage.source, format!(": packing {packing}, rounded weights {weights}, rounding {rounding}"))
+            }
         };
-        let (count, whole, length) = (thousands(self.count), sig3(whole), sig3(max_error));
+        let (count, length) = (thousands(self.count), sig3(self.most[0]));
         format!(
-            "poses compared: {count}; largest error: {whole} of the diagonal ({length} in the units of the file) off \
-             {against}{bound}{streams}"
+            "poses compared: {count}; maximum error against {against}: {whole} of the diagonal ({length} in the units of \
+             the file){parts}{bound}{streams}"
         )
     }
 
-    /// A failure if any frame was out of bounds; a note if the pose format made errors that another one does not.
+    /// A failure if any frame was out of bounds; a warning if another pose format would be more accurate.
     pub fn verdict(&self, out: &Output) -> Result<(), Failure> {
         let UpdateDesc { pose, error_budget, .. } = self.stage.desc;
-        let off = self.errors.weights_error_rel.max(self.found.error.position / self.promise.scale);
-        // Changes that wait are counted, too.
+        let off = self.most[2].max(self.found.error.position) / self.promise.scale;
+        // Deferred changes are counted, too.
         if pose.has_integers() && error_budget == 0.0 && off > FAR_OFF {
             let (name, off) = (pose.name(), sig3(off));
-            let finer = if pose == PoseFormat::Fixed16 { "rebuilt16, in as many bytes, or fixed32" } else { "float32" };
-            out.warn(format_args!("{name} poses are off by {off} of the diagonal, which is far: try --pose {finer}"));
+            let finer = if pose == PoseFormat::Fixed16 { "rebuilt16 (of the same size) or fixed32" } else { "float32" };
+            out.warn(format_args!("{name} poses have an error of {off} of the diagonal: try --pose {finer}"));
         }
         let path = self.stage.desc.path.name();
         self.wrong.as_ref().map_or(Ok(()), |(frame, complaint)| {
-            Err(Failure::Failed(format!("frame {frame} is wrong through '{path}': {complaint}; {REMEDY}")))
+            Err(Failure::Failed(format!("frame {frame} is wrong on the path '{path}': {complaint}; {REMEDY}")))
         })
     }
 }

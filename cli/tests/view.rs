@@ -250,7 +250,7 @@ fn what_cannot_be_is_said_in_a_sentence() {
     let (_, said) =
         error_of(&display.command(&[&MESH[..], &["--device", "SwiftShader"]].concat()).output().expect("it starts"));
     assert!(
-        said.contains("no Vulkan device can show in a window here") && said.contains("deltamorph render"),
+        said.contains("no Vulkan device can present to a window here") && said.contains("deltamorph render"),
         "{said}"
     );
     let mut nowhere = display.command(&MESH);

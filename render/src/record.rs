@@ -68,10 +68,10 @@ impl Renderer {
                 let eyes = sides(self.shaded, What::Eyes);
                 rest.zip(eyes).flat_map(|(rest, eyes)| [rest, eyes]).collect()
             }
-            Show::Motion(_) => sides(self.motion, What::Faces).collect(),
+            Show::Motion => sides(self.motion, What::Faces).collect(),
             Show::Wire => sides(self.shaded, What::Faces).chain([(self.lines, What::Edges, any)]).collect(),
             Show::Wrinkles => sides(self.wrinkled, What::Faces).collect(),
-            Show::Blocks | Show::Distance(_) | Show::Normals => sides(self.shaded, What::Faces).collect(),
+            Show::Blocks | Show::Heat | Show::Normals => sides(self.shaded, What::Faces).collect(),
         };
         let shadows: Vec<Draw> = vec![(self.shadow, What::Shadows, any)];
         let models: Vec<&Model> = std::iter::once(model).chain(model.still.as_deref()).collect();

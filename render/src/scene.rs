@@ -6,21 +6,20 @@ use deltamorph::ash::vk;
 use deltamorph::{Bounds, POSE_FLOATS};
 use glam::{Mat4, Vec3, Vec4};
 
-/// The appearance of a surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// The appearance of a surface. The order is that of the numbers in glsl/scene.glsl.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Show {
     /// Skin, eyes and teeth.
     #[default]
     Shaded,
-    /// Distance of each vertex from the base pose, in input units; the number is the end of the scale.
-    Distance(f32),
+    /// Distance of each vertex from the base pose, up to [`Scene::end`].
+    Heat,
     /// Normals as colours.
     Normals,
     /// The visible edges of faces, without the diagonals of faces that have more than three corners.
     Wire,
-    /// Distance of each vertex from the previous pose (`Head::previous`), in input units; the number is the end of
-    /// the scale.
-    Motion(f32),
+    /// Distance of each vertex from the previous pose (`Head::previous`), up to [`Scene::end`].
+    Motion,
     /// Vertices that updates have changed glow, and fade (`Target::set_glow`).
     Blocks,
     /// Like [`Self::Shaded`], with wrinkles where the skin is compressed, from each head's masks (`Head::masks`).
@@ -53,6 +52,8 @@ pub struct Scene {
     pub light: Light,
     /// The appearance of surfaces.
     pub show: Show,
+    /// End of the scale of colours that stand for lengths, in input units.
+    pub end: f32,
 }
 
 /// A head to draw.
@@ -145,15 +146,6 @@ impl Scene {
         let towards =
             |to: Vec3, bright: f32| back.transform_vector3(to).normalize_or(Vec3::Z).extend(bright * strength);
         let key = direction(axes, yaw, pitch);
-        let (show, end) = match self.show {
-            Show::Shaded => (0.0, 1.0),
-            Show::Distance(end) => (1.0, end),
-            Show::Normals => (2.0, 1.0),
-            Show::Wire => (3.0, 1.0),
-            Show::Motion(end) => (4.0, end),
-            Show::Blocks => (5.0, 1.0),
-            Show::Wrinkles => (6.0, 1.0),
-        };
         HeadScene {
             clip: clip * place,
             shadow: shadow(key, centre, radius) * place,
@@ -162,7 +154,7 @@ impl Scene {
             fill: towards(direction(axes, -1.4 * yaw, pitch * 0.1), 0.36),
             rim: towards(direction(axes, 150.0 * -yaw.signum(), 35.0), 0.8),
             middle,
-            show: Vec4::new(show, end.max(f32::MIN_POSITIVE), 0.0, 0.0),
+            show: Vec4::new(self.show as u32 as f32, self.end.max(f32::MIN_POSITIVE), 0.0, 0.0),
         }
     }
 }

@@ -125,7 +125,7 @@ impl<'a> Studio<'a> {
     }
 
     fn record(&mut self, slot: usize, places: &[Mat4], scene: &Scene, background: [f32; 4]) -> Result<()> {
-        if matches!(scene.show, Show::Motion(_)) && !self.heads.has_previous()? {
+        if scene.show == Show::Motion && !self.heads.has_previous()? {
             return Err(Error::Invalid {
                 what: "the previous pose, which the update has overwritten, or which has recomputed normals".into(),
                 remedy: "use two slots or more, three on the path feedback, and the normals of targets".into(),

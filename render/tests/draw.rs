@@ -43,7 +43,7 @@ fn frames(count: usize) -> Vec<Vec<f32>> {
 
 fn scene(mesh: &MorphMesh, places: &[Mat4], camera: Camera, show: Show) -> Scene {
     let all = places.iter().flat_map(|place| mesh.positions.iter().map(|p| place.transform_point3(*p)));
-    Scene { view: camera.fit(all, SIZE[0] as f32 / SIZE[1] as f32, 0.05), light: Light::default(), show }
+    Scene { view: camera.fit(all, SIZE[0] as f32 / SIZE[1] as f32, 0.05), light: Light::default(), show, end: 1.0 }
 }
 
 fn packed(headless: &Headless, mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
@@ -130,7 +130,7 @@ fn what_changed_is_lit_and_nothing_else() {
     frames.push(frames[1].clone());
     on_every_device(|headless| {
         let packed = packed(headless, &mesh, DeltaFormat::Fast);
-        for show in [Show::Motion(1.0), Show::Blocks] {
+        for show in [Show::Motion, Show::Blocks] {
             let mut expected: Option<Vec<Picture>> = None;
             for (pose, path) in PoseFormat::ALL
                 .into_iter()
@@ -351,7 +351,7 @@ fn recomputed_normals_are_drawn_as_their_reference_says() {
         let refused = Studio::new(headless, &mesh, &packed, &[], SIZE, &cpu).err().expect("no crowd");
         assert!(refused.to_string().contains("on the path 'cpu'"), "{refused}");
         let mut studio = Studio::new(headless, &mesh, &packed, &[], SIZE, &desc).expect("a studio");
-        let scene = scene(&mesh, &places, Camera::default(), Show::Motion(1.0));
+        let scene = scene(&mesh, &places, Camera::default(), Show::Motion);
         let refused = studio.draw(&[&frames[0]], &places, &scene, BLACK).expect_err("no motion");
         assert!(refused.to_string().contains("recomputed normals"), "{refused}");
     });
@@ -415,7 +415,7 @@ fn still_parts_are_drawn_with_their_surfaces() {
             let shown = [at(0), at(squares.len() - 1) + Vec3::new(1.0, 1.0, 0.0) * edge];
             let view = Camera::default().fit(shown.into_iter(), SIZE[0] as f32 / SIZE[1] as f32, 0.0);
             let draw = |studio: &mut Studio<'_>, show| {
-                let scene = Scene { view, light: Light::default(), show };
+                let scene = Scene { view, light: Light::default(), show, end: 1.0 };
                 let weights = vec![0.0; mesh.targets.len()];
                 studio.draw(&[&weights], &[Mat4::IDENTITY], &scene, BLACK).expect("a picture");
                 studio.finish().expect("a picture").pop().expect("a picture")
@@ -432,7 +432,7 @@ fn still_parts_are_drawn_with_their_surfaces() {
             let [red, green, none, two_sides] = [0, 1, 2, 3].map(|i| pixel(&picture, i));
             assert!(red[0] > 100 && red[1] < 60 && green[1] > 100 && green[0] < 60, "{red:?} {green:?}");
             assert!(none[..3] == [0; 3] && two_sides[0] > 60, "a back has its side or none: {none:?} {two_sides:?}");
-            for show in [Show::Distance(1.0), Show::Blocks, Show::Motion(1.0)] {
+            for show in [Show::Heat, Show::Blocks, Show::Motion] {
                 let picture = draw(&mut studio, show);
                 assert!(pixel(&picture, 3)[..3] != [0; 3], "{show:?}");
             }

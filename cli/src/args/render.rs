@@ -1,6 +1,7 @@
 //! The options of `render`.
 
 use super::{RunArgs, values};
+use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 use deltamorph_render::Show;
 use std::path::PathBuf;
@@ -48,7 +49,8 @@ pub struct RenderArgs {
     pub heat: Option<String>,
     /// What to show of the surface. Motion and blocks are those since the previous frame, or else since the base pose
     #[arg(long, value_name = "LOOK", default_value = "shaded")]
-    pub show: Look,
+    #[arg(value_parser = values::named(&LOOKS, |look| look.1, |look| look.2).map(|look| look.0))]
+    pub show: Show,
     /// How the normals of poses are computed
     #[arg(long, value_name = "WHICH", default_value = "summed")]
     pub normals: Normals,
@@ -59,8 +61,8 @@ pub struct RenderArgs {
 
 impl RenderArgs {
     /// The appearance of the surface.
-    pub fn look(&self) -> Look {
-        if self.heat.is_some() { Look::Heat } else { self.show }
+    pub fn look(&self) -> Show {
+        if self.heat.is_some() { Show::Heat } else { self.show }
     }
 }
 
@@ -73,45 +75,16 @@ pub enum Normals {
     Recomputed,
 }
 
-/// The appearance of a surface, in pictures and in the window.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Look {
-    /// Skin, eyes and teeth, lit
-    #[default]
-    Shaded,
-    /// Edges of the faces
-    Wire,
-    /// Normals as colours: x red, y green, z blue
-    Normals,
-    /// Distance of each vertex from the base pose: grey, blue, green, yellow, red
-    Heat,
-    /// Distance of each vertex from the previous frame, in the same colours
-    Motion,
-    /// Highlight the blocks of vertices that each update writes
-    Blocks,
-    /// Wrinkles where the targets compress the skin
-    Wrinkles,
-}
-
-impl Look {
-    /// Whether it depends on the previous pose.
-    pub fn is_of_changes(self) -> bool {
-        matches!(self, Self::Motion | Self::Blocks)
-    }
-
-    /// For the renderer; `end`: where colours that stand for lengths end.
-    pub fn show(self, end: f32) -> Show {
-        match self {
-            Self::Shaded => Show::Shaded,
-            Self::Wire => Show::Wire,
-            Self::Normals => Show::Normals,
-            Self::Heat => Show::Distance(end),
-            Self::Motion => Show::Motion(end),
-            Self::Blocks => Show::Blocks,
-            Self::Wrinkles => Show::Wrinkles,
-        }
-    }
-}
+/// Appearances of a surface, in pictures and, but for the last, in the window: with their names and what they show.
+pub const LOOKS: [(Show, &str, &str); 7] = [
+    (Show::Shaded, "shaded", "Skin, eyes and teeth, lit"),
+    (Show::Wire, "wire", "Edges of the faces"),
+    (Show::Normals, "normals", "Normals as colours: x red, y green, z blue"),
+    (Show::Heat, "heat", "Distance of each vertex from the base pose: grey, blue, green, yellow, red"),
+    (Show::Motion, "motion", "Distance of each vertex from the previous frame, in the same colours"),
+    (Show::Blocks, "blocks", "Highlight the blocks of vertices that each update writes"),
+    (Show::Wrinkles, "wrinkles", "Wrinkles where the targets compress the skin"),
+];
 
 /// The background: red, green and blue in sRGB, or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -24,12 +24,6 @@ pub fn name(value: impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
-/// The line of help of a value.
-#[cfg(feature = "viewer")]
-pub fn summary(value: impl ValueEnum) -> String {
-    value.to_possible_value().and_then(|value| Some(value.get_help()?.to_string())).unwrap_or_default()
-}
-
 pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {
     named(&[UpdateMode::Incremental, UpdateMode::Rebuild], UpdateMode::name, |mode| match mode {
         UpdateMode::Incremental => "Update the last pose with the changed targets",

@@ -113,7 +113,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
         if none && !update.paths.is_empty() {
             let formats: Vec<&str> = path.formats().iter().map(|format| format.name()).collect();
             let poses: Vec<&str> = path.poses().iter().map(|pose| pose.name()).collect();
-            let reason = format!("takes --formats {} and --poses {}", formats.join(","), poses.join(","));
+            let reason = format!("supports --formats {} and --poses {}", formats.join(","), poses.join(","));
             skip(path.name().into(), reason);
         }
     }

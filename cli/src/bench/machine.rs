@@ -30,7 +30,7 @@ impl<'a> Machine<'a> {
     ) -> Result<Self, Failure> {
         let gpu = runner::open(device, out)?;
         if gpu.is_none() {
-            out.warn("carrying on with the path 'cpu'");
+            out.warn("continuing with the path 'cpu'");
         }
         let spinner = out.spinner("measuring memory bandwidth");
         let largest = (input.kept.vertex_count() * input.kept.targets.len() * DeltaFormat::Float32.stride()) as u64;

@@ -67,7 +67,7 @@ fn verdict(report: &Report) -> Result<(), Failure> {
     let wrong = || runs.iter().filter(|r| !r.verified);
     Err(Failure::Failed(if let Some(first) = wrong().next() {
         format!(
-            "{} of {} configurations are wrong, the first: {}, {} batch {}: {}; the report marks them",
+            "{} of {} configurations are wrong (the first: {}, {} batch {}: {}); the report marks them",
             wrong().count(),
             runs.len(),
             first.cell,
@@ -82,7 +82,7 @@ fn verdict(report: &Report) -> Result<(), Failure> {
         format!("no configuration could run; {}", why.join("; "))
     } else if let Some(name) = report.unmeasured.first() {
         let why = skipped.iter().find(|s| s.what.contains(name)).map_or("no reason given", |s| &s.reason);
-        format!("{}: nothing of it could run, the first: {why}", report.unmeasured.join(", "))
+        format!("{}: no configuration of it could run: {why}", report.unmeasured.join(", "))
     } else {
         return Ok(());
     }))

@@ -26,7 +26,7 @@ pub fn page(json: &str) -> String {
 
 /// Ensures that `dir` may be written: it is new, empty, or has an earlier report.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
-    let complaint = "holds something else than a report; name another one with --report";
+    let complaint = "contains files that are not a report; choose another folder with --report";
     output::claim(dir, complaint, || {
         let text = std::fs::read_to_string(dir.join("report.json")).unwrap_or_default();
         serde_json::from_str(&text).is_ok_and(|value: Value| value["schema"].is_u64() && value["runs"].is_array())

@@ -34,8 +34,8 @@ pub fn sentences(report: &Report) -> Vec<String> {
     let uneven = runs.iter().filter(|run| run.uneven()).count();
     if uneven > 0 {
         out.push(format!(
-            "The rounds of {uneven} of {all} configurations disagree by more than {UNEVEN} times (UNEVEN), as where other \
-             work runs beside them; measure these again."
+            "The rounds of {uneven} of {all} configurations differ by more than a factor of {UNEVEN} (UNEVEN); close \
+             other programs, and measure these again."
         ));
     }
     out

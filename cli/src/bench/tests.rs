@@ -19,7 +19,7 @@ fn wrong_runs_fail_the_command() {
     let said = sentences::sentences(&report).join(" ");
     assert!(said.contains("configurations that could run match"), "{said}");
     let message = verdict(&report).expect_err("feedback was named").to_string();
-    assert!(message.starts_with("feedback: nothing of it") && message.contains("16 attributes"), "{message}");
+    assert!(message.starts_with("feedback: no configuration of it") && message.contains("16 attributes"), "{message}");
     report.runs.clear();
     assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("no configuration could run; feedback")));
 }
@@ -60,7 +60,7 @@ fn rounds_that_disagree_are_told_and_prove_nothing() {
     let mut report = synthetic::report();
     uneven(&mut report);
     let told = sentences(&report).join("\n");
-    assert!(told.contains("disagree by more than 1.5 times (UNEVEN)") && !told.contains("as batch 1"), "{told}");
+    assert!(told.contains("differ by more than a factor of 1.5 (UNEVEN)") && !told.contains("as batch 1"), "{told}");
     assert!(!told.contains("as the best other"), "{told}");
     assert!(tables::runs(&report.runs).to_string().contains("1.62× UNEVEN"));
     let in_page = format!("const UNEVEN = {};", record::UNEVEN);

@@ -186,10 +186,10 @@ fn advice(costs: &[PoseCost]) -> Option<String> {
     let once = measured(PoseFormat::Rebuilt16)?;
     Some(match measured(PoseFormat::Fixed16) {
         Some(each) if each <= FAR_OFF.max(once) => {
-            format!("fixed16, which adds only what changes, and is off by {}", sig3(each))
+            format!("fixed16, which only adds changes, with an error of {}", sig3(each))
         }
-        Some(each) => format!("rebuilt16, which is off by {}, while fixed16 is off by {}", sig3(once), sig3(each)),
-        None => format!("rebuilt16, which is off by {}; fixed16 is refused", sig3(once)),
+        Some(each) => format!("rebuilt16, with an error of {} (fixed16: {})", sig3(once), sig3(each)),
+        None => format!("rebuilt16, with an error of {} (fixed16 is not possible)", sig3(once)),
     })
 }
 
@@ -201,27 +201,27 @@ pub fn pose_table(costs: &[PoseCost], sample: &Sample<'_>) -> String {
         ("poses", &|cost| cost.name.into()),
         ("bytes/vertex", &|cost| cost.vertex_bytes.to_string()),
         ("measured", &|cost| cost.measured_error_rel.map_or("–".into(), sig3)),
-        ("off at most", &|cost| off(cost, |most| most.max_error_rel)),
-        ("by packing", &|cost| off(cost, |most| most.packing_error_rel)),
-        ("by weights", &|cost| off(cost, |most| most.weights_error_rel)),
-        ("by rounding", &|cost| off(cost, |most| most.rounding_error_rel)),
+        ("maximum error", &|cost| off(cost, |most| most.max_error_rel)),
+        ("packing", &|cost| off(cost, |most| most.packing_error_rel)),
+        ("weights", &|cost| off(cost, |most| most.weights_error_rel)),
+        ("rounding", &|cost| off(cost, |most| most.rounding_error_rel)),
         ("unit", &|cost| of_grid(cost, &|grid| sig3(grid.position_unit_rel))),
-        ("normals' unit", &|cost| of_grid(cost, &|grid| sig3(grid.normal_unit.into()))),
+        ("unit of normals", &|cost| of_grid(cost, &|grid| sig3(grid.normal_unit.into()))),
         ("weights up to", &|cost| {
             of_grid(cost, &|grid| format!("{} in steps of 2^-{}", grid.weight_max, grid.weight_bits))
         }),
     ];
-    let table = Table::of(costs, columns);
+    let table = Table::of(costs, 1, columns);
     let refused = costs.iter().filter_map(|cost| Some(format!("\n{}: {}", cost.name, cost.refused.as_ref()?)));
     let refused: String = refused.collect();
     let most = costs.iter().find_map(|cost| cost.grid.as_ref()).map_or(String::new(), |grid| {
         let most = grid.targets_most;
-        format!(", {most} targets at once, as many as move any vertex")
+        format!(", and for up to {most} active targets per vertex")
     });
-    let advice = advice(costs).map_or(String::new(), |format| format!("\nin 12 bytes a vertex: {format}"));
+    let advice = advice(costs).map_or(String::new(), |format| format!("\nrecommended 12-byte format: {format}"));
     let what = &sample.what;
     format!(
-        "{table}\nunit and distances from the source as fractions of the diagonal: measured {what}; at most at weights \
-         from 0 to 1{most}{advice}{refused}"
+        "{table}\nunit and errors against the source are fractions of the diagonal; measured {what}; the maximum is for \
+         weights from 0 to 1{most}{advice}{refused}"
     )
 }

@@ -63,7 +63,8 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
     if let Some(pin) = args.pin.iter().find(|pin| !names.iter().any(|name| is_pinned(name, std::slice::from_ref(pin))))
     {
         let near = closest(pin, &names).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
-        let text = format!("--pin {pin}: no target of '{}' begins so{near}; `deltamorph info` lists them", input.name);
+        let text =
+            format!("--pin {pin}: no target of '{}' begins with it{near}; `deltamorph info` lists them", input.name);
         return Err(Failure::Usage(text));
     }
     let clips = input::clips(args.weights.as_deref(), &args.input, &input, &[])?;
@@ -79,7 +80,7 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
     let orders: Vec<Order> = metrics.iter().zip(&scores).map(order).collect();
     let curves = gauge.curves(&metrics, &orders)?;
     let measured = match clips.iter().map(BoundClip::frame_count).sum::<usize>() {
-        0 => "each target by itself, since there is no clip".to_owned(),
+        0 => "each target alone, since there is no clip".to_owned(),
         frames => format!("{frames} frames"),
     };
     spinner.finish_and_clear();
@@ -96,7 +97,7 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
 fn device_for_pictures(device: Option<&DeviceChoice>, out: &Output) -> Result<Gpu, Failure> {
     open(device, out)?.ok_or_else(|| {
         let what = "pictures are drawn on a Vulkan device, and there is none";
-        Failure::Failed(format!("{what}; take --metric mse or hausdorff"))
+        Failure::Failed(format!("{what}; use --metric mse or hausdorff"))
     })
 }
 

@@ -22,8 +22,8 @@ pub fn text(lod: &Lod, measured: &str) -> String {
         ("error of vertices", &|p| sig3(p.vertex_rel)),
     ];
     let metric = &lod.order.metric;
-    let ranking = Table::of(&lod.order.ranking, ranking);
-    let curve = Table::of(&lod.curve, curve);
+    let ranking = Table::of(&lod.order.ranking, 1, ranking);
+    let curve = Table::of(&lod.curve, 1, curve);
     format!("targets by {metric}, the most important first:\n{ranking}\n\nerrors over {measured}:\n{curve}")
 }
 
@@ -42,7 +42,7 @@ pub fn text_of_all(lods: &[Lod], agreement: &[Agreement], measured: &str) -> Str
         ("Kendall", &|a| format!("{:.2}", a.kendall)),
         ("Spearman", &|a| format!("{:.2}", a.spearman)),
     ];
-    let halves = Table::of(&half, halves);
-    let pairs = Table::of(agreement, pairs);
+    let halves = Table::of(&half, 1, halves);
+    let pairs = Table::of(agreement, 1, pairs);
     format!("half of the targets kept, errors over {measured}:\n{halves}\n\nagreement of orders:\n{pairs}")
 }

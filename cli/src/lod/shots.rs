@@ -41,7 +41,7 @@ impl<'a> Shots<'a> {
         let view = camera.fit(subject.focus.iter().copied(), 1.0, 0.04);
         let mut shots = Self {
             studio: Studio::new(gpu, mesh, &packed, &subject.parts, SIZE, &desc)?,
-            scene: Scene { view, light, show: Show::Shaded },
+            scene: Scene { view, light, show: Show::Shaded, end: 1.0 },
             frames: vec![],
         };
         let weights = input::spread(clips);

@@ -1,30 +1,40 @@
-//! A crowd, each instance with its own expression.
+//! A pose, or a crowd, each instance with its own expression.
 
 use super::easel::Easel;
 use super::heat;
 use super::scenery::{Done, Scenery, bounds};
 use crate::output::Failure;
+use deltamorph_render::Show;
 use glam::{Mat4, Vec3};
 use std::path::Path;
 
-/// Default size of a picture, in pixels.
+/// Default sizes of a crowd and of one instance, in pixels.
 const SIZE: [u32; 2] = [1280, 720];
+const SINGLE: [u32; 2] = [768; 2];
 
-pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Failure> {
-    let size = scenery.args.size.unwrap_or(SIZE);
-    let [poses, before] = expressions(scenery, heads as usize)?;
-    let mut easel = Easel::new(scenery, size, places(&scenery.subject.focus, heads, size))?;
-    let poses: Vec<&[f32]> = poses.iter().map(Vec::as_slice).collect();
-    let before: Vec<&[f32]> = before.iter().map(Vec::as_slice).collect();
+pub fn draw(scenery: &Scenery<'_>, heads: Option<u32>, output: &Path) -> Result<Done, Failure> {
+    let size = scenery.args.size.unwrap_or(if heads.is_some() { SIZE } else { SINGLE });
+    let [poses, before] = match heads {
+        Some(heads) => expressions(scenery, heads as usize)?,
+        None => scenery.weights()?.map(|weights| vec![weights]),
+    };
+    let places = heads.map_or_else(|| vec![Mat4::IDENTITY], |heads| places(&scenery.subject.focus, heads, size));
+    let mut easel = Easel::new(scenery, size, places)?;
+    let [poses, before] = [&poses, &before].map(|poses| poses.iter().map(Vec::as_slice).collect::<Vec<_>>());
     let scale = heat::prepare(scenery, &mut easel, poses.iter().copied().zip(before.iter().copied()))?;
-    if scenery.args.look().is_of_changes() {
+    if matches!(scenery.args.look(), Show::Motion | Show::Blocks) {
         easel.picture(&before)?;
     }
     easel.picture(&poses)?.save(output)?;
-    let [draws, spared] = easel.draws();
-    let what = match spared {
-        0 => format!("a crowd of {heads} heads"),
-        _ => format!("a crowd of {heads} heads, {spared} of {} draws left out", draws + spared),
+    let what = match (heads, easel.draws()) {
+        (None, _) => {
+            let active = poses[0].iter().filter(|weight| **weight != 0.0).count();
+            format!("{active} active of {} targets", poses[0].len())
+        }
+        (Some(heads), [_, 0]) => format!("a crowd of {heads} instances"),
+        (Some(heads), [draws, spared]) => {
+            format!("a crowd of {heads} instances, {spared} of {} draws culled", draws + spared)
+        }
     };
     Ok(Done { what, size, frames: 1, scale })
 }

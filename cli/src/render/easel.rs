@@ -49,12 +49,11 @@ impl<'a> Easel<'a> {
         view.reach(places.iter().flat_map(|place| subject.whole.iter().map(|p| place.transform_point3(*p))));
         view.clip = Mat4::from_scale(Vec3::new(args.zoom, args.zoom, 1.0)) * view.clip;
         let [yaw, pitch, strength] = args.light;
-        // `heat::prepare` sets the end of a scale.
-        let show = args.look().show(1.0);
         Ok(Self {
             studio,
             places,
-            scene: Scene { view, light: Light { yaw, pitch, strength }, show },
+            // `heat::prepare` sets the end of the scale.
+            scene: Scene { view, light: Light { yaw, pitch, strength }, show: args.look(), end: 1.0 },
             background: args.background.linear(),
         })
     }

@@ -2,10 +2,10 @@
 
 use super::easel::Easel;
 use super::scenery::Scenery;
-use crate::args::render::Look;
 use crate::output::Failure;
 use deltamorph::POSE_FLOATS;
 use deltamorph::reference::evaluate_unpacked;
+use deltamorph_render::Show;
 
 /// Has the easel show lengths, if they are to be shown, of poses, each with the weights before it. Returns the end of
 /// the scale, in input units.
@@ -15,17 +15,17 @@ pub fn prepare<'p>(
     poses: impl Iterator<Item = (&'p [f32], &'p [f32])>,
 ) -> Result<Option<f32>, Failure> {
     let look = scenery.args.look();
-    if !matches!(look, Look::Heat | Look::Motion) {
+    if !matches!(look, Show::Heat | Show::Motion) {
         return match scenery.args.scale {
-            Some(_) => {
-                Err(Failure::Usage("--scale: where the colours of --heat or --show motion end; give one".into()))
-            }
+            Some(_) => Err(Failure::Usage(
+                "--scale is the upper end of the colour scale of --show heat or motion; give one of these".into(),
+            )),
             None => Ok(None),
         };
     }
     let largest = |(weights, before): (&[f32], &[f32])| match look {
         // Poses are linear in the weights.
-        Look::Motion => {
+        Show::Motion => {
             let step: Vec<f32> = weights.iter().zip(before).map(|(now, before)| now - before).collect();
             furthest(scenery, &step)
         }
@@ -34,7 +34,7 @@ pub fn prepare<'p>(
     let end = scenery.args.scale.unwrap_or_else(|| poses.map(largest).fold(0.0, f32::max));
     // If nothing moves, the scale ends at float32 precision.
     let end = if end > 0.0 { end } else { scenery.diagonal().max(1.0) * f32::EPSILON };
-    easel.scene.show = look.show(end);
+    easel.scene.end = end;
     Ok(Some(end))
 }
 

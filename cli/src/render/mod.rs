@@ -9,14 +9,13 @@ mod names;
 pub mod painted;
 pub mod scenery;
 
-use crate::args::render::{Look, RenderArgs};
+use crate::args::render::RenderArgs;
 use crate::input;
 use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::{Stage, open};
 use deltamorph_headless::DeviceChoice;
-use easel::Easel;
-use glam::Mat4;
-use scenery::{Done, SIZE, Scenery, Subject};
+use deltamorph_render::Show;
+use scenery::{Done, Scenery, Subject};
 use serde_json::json;
 use std::path::Path;
 use std::rc::Rc;
@@ -29,7 +28,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     }
     if let Some(path) = args.run.update.paths.iter().find(|path| path.evaluates_in_draws()) {
         let text =
-            format!("--path {}: evaluates in draws of its own, and has no pose to draw; use blocks", path.name());
+            format!("--path {}: evaluates poses in its own draws, and has none to draw; use blocks", path.name());
         return Err(Failure::Usage(text));
     }
     // clap ensures that one of the two is given.
@@ -45,18 +44,18 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     }
     // The path cpu needs no device, but drawing does.
     let gpu = open(device, out)?.map(Rc::new).ok_or_else(|| {
-        Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
+        Failure::Failed("drawing needs a Vulkan device, and there is none; ./with-vulkan installs one".into())
     })?;
     let mut input = input::load(&args.run.input, false, out)?;
-    if args.look() == Look::Wrinkles {
+    if args.look() == Show::Wrinkles {
         input.add_masks()?;
     }
     if args.run.update.poses.iter().any(|pose| pose.has_integers()) {
-        // Poses have to hold the weights of the clip. Its notes are printed when it is drawn.
-        let notes = input.out.take();
+        // Poses have to hold the weights of the clip. Its warnings are printed when it is drawn.
+        let warnings = input.out.take();
         input::clips(args.run.weights.as_deref(), &args.run.input, &input, &args.set)?;
         input.pose(&args.set)?;
-        input.out = notes;
+        input.out = warnings;
     }
     let stage = Stage::on(Some(gpu.clone()), &args.run, &input, out)?;
     let mut subject = Subject::new(args.run.input.input.as_deref(), &input)?;
@@ -65,9 +64,8 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     }
     let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, out };
     let Done { mut what, size, frames, scale } = match args.crowd {
-        Some(heads) => crowd::draw(&scenery, heads, output)?,
         None if args.clip.is_some() => clip::draw(&scenery, output)?,
-        None => single(&scenery, output)?,
+        heads => crowd::draw(&scenery, heads, output)?,
     };
     if let Some(end) = scale {
         let share = f64::from(end) / crate::verify::scale(scenery.diagonal());
@@ -81,18 +79,4 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         "height": size[1], "frames": frames, "scale": scale,
     });
     out.json(&With { fields: stage.setup(), more })
-}
-
-fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
-    let size = scenery.args.size.unwrap_or(SIZE);
-    let [weights, before] = scenery.weights()?;
-    let mut easel = Easel::new(scenery, size, vec![Mat4::IDENTITY])?;
-    let scale = heat::prepare(scenery, &mut easel, std::iter::once((&weights[..], &before[..])))?;
-    if scenery.args.look().is_of_changes() {
-        easel.picture(&[&before])?;
-    }
-    easel.picture(&[&weights])?.save(output)?;
-    let active = weights.iter().filter(|w| **w != 0.0).count();
-    let what = format!("{active} active of {} targets", weights.len());
-    Ok(Done { what, size, frames: 1, scale })
 }

@@ -13,9 +13,6 @@ use glam::Vec3;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Default size of a picture, in pixels.
-pub const SIZE: [u32; 2] = [768; 2];
-
 /// Inputs of a picture.
 pub struct Scenery<'a> {
     pub args: &'a RenderArgs,

@@ -1,11 +1,12 @@
 //! Commands of the window, from the panel or from a script.
 
-use crate::args::render::{self, Look};
-use crate::args::values::{self, name};
+use crate::args::render;
+use crate::args::values;
+use deltamorph_render::Show;
 use std::path::PathBuf;
 
 /// What the window shows: whatever is not a stream of its own in the mesh.
-pub const LOOKS: [Look; 6] = [Look::Shaded, Look::Wire, Look::Normals, Look::Heat, Look::Motion, Look::Blocks];
+pub const LOOKS: &[(Show, &str, &str)] = render::LOOKS.split_at(6).0;
 
 /// A command that the panel and scripts have.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,7 +18,7 @@ pub enum Command {
     Pause,
     /// Goes to a frame of the clip, counted from 0.
     Scrub(f64),
-    Show(Look),
+    Show(Show),
     Camera([f32; 2]),
     /// How far the picture is moved to the right and down, in shares of the room for it at zoom 1.
     Pan([f32; 2]),
@@ -94,9 +95,9 @@ fn pan(text: &str) -> Option<[f32; 2]> {
     Some([number(x)?, number(y)?])
 }
 
-fn look(text: &str) -> Result<Look, String> {
-    let look = LOOKS.into_iter().find(|look| name(*look) == text);
-    look.ok_or_else(|| format!("give one of: {}", LOOKS.map(name).join(", ")))
+fn look(text: &str) -> Result<Show, String> {
+    let look = LOOKS.iter().find(|look| look.1 == text).map(|look| look.0);
+    look.ok_or_else(|| format!("give one of: {}", LOOKS.iter().map(|look| look.1).collect::<Vec<_>>().join(", ")))
 }
 
 /// Parses a script: its steps with their lines, counted from 1.

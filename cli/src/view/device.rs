@@ -42,9 +42,9 @@ pub fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
 
 fn failure(error: Error) -> Failure {
     match error {
-        Error::Vulkan { call, result, .. } if error.kind() == ErrorKind::OutOfMemory => Failure::Failed(format!(
-            "Vulkan: {call} failed: {result:?}; free memory, or draw fewer heads in a smaller window"
-        )),
+        Error::Vulkan { call, result, .. } if error.kind() == ErrorKind::OutOfMemory => {
+            Failure::Failed(format!("Vulkan: {call} failed: {result:?}; free memory, or use a smaller mesh or window"))
+        }
         Error::Vulkan { result: vk::Result::ERROR_EXTENSION_NOT_PRESENT, .. } => cannot_show(&error.to_string()),
         Error::NoDevice { what, .. } => cannot_show(&what),
         error => error.into(),
@@ -61,7 +61,7 @@ fn no_window(names: &[String]) -> Failure {
 
 fn cannot_show(why: &str) -> Failure {
     Failure::Failed(format!(
-        "no Vulkan device can show in a window here: {why}; `deltamorph render` draws pictures without one"
+        "no Vulkan device can present to a window here: {why}; `deltamorph render` draws pictures without one"
     ))
 }
 

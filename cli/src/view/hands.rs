@@ -8,11 +8,11 @@ use egui::{Key, PointerButton, Rect, Sense, Ui, Vec2, vec2};
 pub const KEYS: &str = "\
 drag, arrows: turn
 shift or right drag: move the picture
-wheel, + and −: nearer, further
-H, double click: the camera as at the beginning
+wheel, + and −: zoom in and out
+H, double click: reset the camera
 space: play, pause
-, and .: a frame back, a frame on
-double click a slider: its weight 0
+, and .: previous and next frame
+double click a slider: set its weight to 0
 P: hide and show the panel";
 
 /// Least and largest zoom.

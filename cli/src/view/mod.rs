@@ -19,7 +19,7 @@ use crate::input;
 use crate::output::{Failure, Output};
 use command::Step;
 use deltamorph_headless::DeviceChoice;
-use std::path::Path;
+use std::path::PathBuf;
 
 pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     args.run.update.check_single("view").map_err(Failure::Usage)?;
@@ -31,18 +31,12 @@ pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         }
     };
     steps.extend(args.screenshot.iter().map(|path| (0, Step::Screenshot(path.clone()))));
-    let files: Vec<&Path> = steps.iter().filter_map(|(_, step)| written(step)).collect();
+    let written =
+        |(_, step): &'_ (usize, Step)| if let Step::Screenshot(path) = step { Some(path.clone()) } else { None };
+    let files: Vec<PathBuf> = steps.iter().filter_map(written).collect();
     let mut read = input::files_of(&args.run.input, args.run.weights.as_slice());
     read.extend(args.script.clone());
-    out.check(&read, &files, None)?;
+    out.check(&read, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>(), None)?;
     let scripted = args.script.is_some() || args.screenshot.is_some();
     window::App::new(args, device, out, scripted.then_some(steps))?.run()
-}
-
-/// The file that a step writes.
-fn written(step: &Step) -> Option<&Path> {
-    match step {
-        Step::Screenshot(path) => Some(path),
-        Step::Do(_) | Step::Frames(_) | Step::Resize(_) | Step::Quit => None,
-    }
 }

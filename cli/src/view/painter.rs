@@ -27,7 +27,7 @@ pub struct Painter {
 }
 
 fn not_drawn(error: impl std::fmt::Display) -> Failure {
-    Failure::Failed(format!("the panel cannot be drawn: {error}; look at the driver, or use `deltamorph render`"))
+    Failure::Failed(format!("the panel cannot be drawn: {error}; update the driver, or use `deltamorph render`"))
 }
 
 impl Painter {

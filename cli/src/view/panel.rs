@@ -4,7 +4,6 @@ use super::command::{Command, LOOKS};
 use super::state::State;
 use super::style::{DIM, ERROR, PANEL, called};
 use super::{hands, plot, sliders};
-use crate::args::values::{name, summary};
 use crate::table::thousands;
 use deltamorph::{UpdateStats, import};
 use egui::{
@@ -109,7 +108,7 @@ fn clip(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
                 }
             }
         });
-        called(&combo.response, "Clip").on_hover_text("the clips of the mesh, and those that were dropped here");
+        called(&combo.response, "Clip").on_hover_text("clips of the mesh, and clips dropped here");
     } else {
         ui.add(egui::Label::new(&name).truncate()).on_hover_text(&clip.name);
     }
@@ -127,7 +126,7 @@ fn clip(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
         let mut at = state.at;
         let last = (clip.frame_count() - 1) as f64;
         let scrub = ui.add(Slider::new(&mut at, 0.0..=last.max(1.0)).show_value(false));
-        if called(&scrub, "Frame").on_hover_text("the frame of the clip (, and . go to the next)").changed() {
+        if called(&scrub, "Frame").on_hover_text("frame of the clip (, and . step by one)").changed() {
             done.push(Command::Scrub(at));
         }
     });
@@ -140,9 +139,9 @@ fn looks(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.spacing_mut().button_padding.x = 6.0;
-        for look in LOOKS {
-            let label = ui.selectable_label(state.look == look, RichText::new(name(look)).size(12.5));
-            if label.on_hover_text(summary(look)).clicked() {
+        for &(look, name, summary) in LOOKS {
+            let label = ui.selectable_label(state.look == look, RichText::new(name).size(12.5));
+            if label.on_hover_text(summary).clicked() {
                 done.push(Command::Show(look));
             }
         }

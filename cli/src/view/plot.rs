@@ -11,8 +11,9 @@ pub const FRAMES: usize = 180;
 /// Height of a plot.
 const HEIGHT: f32 = 72.0;
 
-const CHANGED: (&str, &str) = ("targets changed", "weights that differ from the frame before; only these are updated");
-const MOVED: (&str, &str) = ("bytes moved", "loaded and stored by the update of a frame");
+const CHANGED: (&str, &str) =
+    ("targets changed", "targets whose weight differs from the previous frame; only these are updated");
+const MOVED: (&str, &str) = ("bytes moved", "bytes that the update of a frame loads and stores");
 
 /// Shows both plots.
 pub fn all(ui: &mut Ui, rows: &VecDeque<UpdateStats>) {

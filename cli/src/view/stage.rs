@@ -8,7 +8,7 @@ use super::plot::FRAMES;
 use super::state::State;
 use super::style;
 use super::swapchain::Swapchain;
-use crate::args::render::{Background, Look};
+use crate::args::render::Background;
 use crate::args::view::ViewArgs;
 use crate::output::{Failure, Output};
 use crate::render::canvas::Canvas;
@@ -16,7 +16,7 @@ use crate::render::scenery::Subject;
 use crate::runner::prepare;
 use deltamorph::UpdateStats;
 use deltamorph_headless::DeviceChoice;
-use deltamorph_render::{Camera, Heads, HeadsDesc, Light, Scene, Target};
+use deltamorph_render::{Camera, Heads, HeadsDesc, Light, Scene, Show, Target};
 use egui::{Context, Rect};
 use glam::{Mat4, Vec3};
 use std::collections::VecDeque;
@@ -189,7 +189,7 @@ impl Stage {
     fn hold(&self, state: &mut State, weights: &mut [f32]) {
         let most = self.weight_max;
         if weights.iter().any(|weight| weight.abs() > most) {
-            state.say(format!("weights beyond {most} are held there, as far as these poses go: see --weight-max"));
+            state.say(format!("weights are limited to ±{most} in this pose format: see --weight-max"));
         }
         weights.iter_mut().for_each(|weight| *weight = weight.clamp(-most, most));
     }
@@ -228,7 +228,7 @@ impl Stage {
         let to_room = Mat4::from_translation(Vec3::new(x, y, 0.0));
         view.clip = to_room * Mat4::from_scale(Vec3::new(free.x * zoom, free.y * zoom, 1.0)) * view.clip;
         // What moves in a frame is a small part of the way.
-        let end = if state.look == Look::Motion { 0.1 * self.reach } else { self.reach };
-        Scene { view, light: Light::default(), show: state.look.show(end) }
+        let end = if state.look == Show::Motion { 0.1 * self.reach } else { self.reach };
+        Scene { view, light: Light::default(), show: state.look, end }
     }
 }

@@ -2,11 +2,11 @@
 
 use super::command::Command;
 use crate::args::InputArgs;
-use crate::args::render::Look;
 use crate::args::view::ViewArgs;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use deltamorph::BoundClip;
+use deltamorph_render::Show;
 use std::path::{Path, PathBuf};
 
 /// Seconds that a notice stays.
@@ -28,7 +28,7 @@ pub struct State {
     pub playing: bool,
     /// Frame of the clip, from 0.
     pub at: f64,
-    pub look: Look,
+    pub look: Show,
     pub camera: [f32; 2],
     /// The camera at the beginning.
     home: [f32; 2],
@@ -65,7 +65,7 @@ impl State {
             follows: false,
             playing: false,
             at: 0.0,
-            look: Look::Shaded,
+            look: Show::Shaded,
             camera: args.camera,
             home: args.camera,
             zoom: 1.0,

@@ -83,7 +83,7 @@ impl<'a> App<'a> {
             let count = said.len();
             let name = "the validation layers";
             self.failure =
-                Some(Failure::Failed(format!("{name} have said {count} things, first: {first}; report this")));
+                Some(Failure::Failed(format!("{name} have {count} messages, the first: {first}; report this")));
         }
         self.failure.map_or(Ok(()), Err)
     }
@@ -98,7 +98,7 @@ impl<'a> App<'a> {
         let still = self.script.is_some();
         let stage = Stage::new(window, &self.state, self.args, self.choice, still, self.out)?;
         if stage.device_name().contains("llvmpipe") {
-            self.out.warn(format_args!("{} is a software driver: frames take long", stage.device_name()));
+            self.out.warn(format_args!("{} is a software driver: frames are slow", stage.device_name()));
         }
         self.stage = Some(stage);
         Ok(())
@@ -120,8 +120,8 @@ impl<'a> App<'a> {
                     if since.elapsed() > PATIENCE {
                         let [width, height] = size;
                         return Err(Failure::Failed(format!(
-                            "resize {width} {height}: the window system gives the window another size; ask for one that \
-                             fits the screen"
+                            "resize {width} {height}: the window got another size; use one that fits the \
+                             screen"
                         )));
                     }
                     return Ok(true);

@@ -123,9 +123,9 @@ fn errors_are_those_of_the_files_and_the_weights_asked_for() {
         assert!((of_weights - bound).abs() <= 1e-3 * bound, "{bound} {stated}");
         assert!(grid.is_null() || grid["targets_most"] == 16, "targets of a vertex, not of a block: {grid}");
     }
-    for (of, source) in [(&dir, "the source"), (&packed, "what the packed file holds")] {
+    for (of, source) in [(&dir, "the source"), (&packed, "the packed file")] {
         let said = ok(&["apply", of, "--path", "cpu", "--set", "t00=0.5", "-o", &obj]);
-        assert!(said.contains(&format!(") off {source} at the weights asked for: packing ")), "{said}");
+        assert!(said.contains(&format!("maximum error against {source}: ")) && said.contains(": packing "), "{said}");
     }
 }
 
@@ -184,7 +184,7 @@ fn what_a_pose_format_loses_is_told_by_info_and_by_those_that_take_it() {
         let measured = stated["measured_error_rel"].as_f64().unwrap();
         assert!(measured > 0.2 * off && measured < 5.0 * off, "{pose}: {off}, {stated}");
         let far = pose != "float32" && number("weights_error_rel").max(number("rounding_error_rel")) > 1e-3;
-        assert_eq!(said.contains("which is far: try --pose"), far, "{pose}: {said}");
+        assert_eq!(said.contains("of the diagonal: try --pose"), far, "{pose}: {said}");
         assert!(far || pose != "fixed16");
     }
 }

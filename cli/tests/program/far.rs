@@ -49,7 +49,7 @@ fn a_shape_that_single_precision_cannot_place_is_kept() {
     let (far, out, packed) = (at("far"), at("out.obj"), at("far.dmorph"));
     let run = crate::cli::deltamorph(&["pack", &far, "-o", &packed, "--position-error", "1e-7"]);
     let noted = String::from_utf8(run.stderr).unwrap();
-    assert!(noted.contains("positions of the file are relative to [500123"), "{noted}");
+    assert!(noted.contains("positions in the file are relative to [500123"), "{noted}");
     let expected = text(0.05);
     let numbers = |text: &str| -> Vec<f64> { text.split_whitespace().filter_map(|word| word.parse().ok()).collect() };
     for (input, middle) in [(&far, [0.0; 3]), (&packed, [500_123.0, 5_400_321.0, 0.0])] {

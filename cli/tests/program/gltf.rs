@@ -67,12 +67,12 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
             ["apply", &face, "--weights", "shake", "--frame", "1", "-o", out],
             "no animation of weights is called 'shake'; name one of: 'nod #1'",
         ),
-        (["apply", &face, "--weights", "nod #1", "--frame", "3", "-o", out], "has 3 frames, counted from 0"),
+        (["apply", &face, "--weights", "nod #1", "--frame", "3", "-o", out], "its 3 frames are counted from 0"),
         (
             ["apply", packed, "--weights", "shake", "--frame", "1", "-o", out],
             "no clip is called 'shake'; name one of: 'nod #1'",
         ),
-        (["apply", &face, "--weights", "nod #1", "--frame", "1", "-o", buffer], "is part of what is read"),
+        (["apply", &face, "--weights", "nod #1", "--frame", "1", "-o", buffer], "is an input"),
     ] {
         let (code, text) = fails(&args);
         assert!(code == 2 && text.contains(expected), "{code}: {text}");

@@ -71,7 +71,7 @@ fn nothing_that_is_read_is_written_over() {
         &["apply", &dir, "--set", "eyeBlinkLeft=1", "-o", &at("new.obj"), "--json", &neutral],
         &["pack", &packed, "-o", &packed],
     ] {
-        refused(args, 2, "is part of what is read");
+        refused(args, 2, "is an input");
         assert!(home.contents() == before, "{args:?}");
     }
 }
@@ -89,7 +89,7 @@ fn no_two_outputs_are_one_file() {
         &[&BENCH[..], &["--report", &report, "--json", &at("report/index.html")]].concat(),
         &["sample", &at("new"), "--json", &at("new/neutral.obj")],
     ] {
-        refused(args, 2, "would be written over; name another file");
+        refused(args, 2, "would be overwritten; name another file");
         assert!(home.contents() == before, "{args:?}");
     }
     // Devices and pipes are not files that could be lost.
@@ -116,7 +116,7 @@ fn what_fails_leaves_files_as_they_were() {
     std::fs::write(foreign.join("index.html"), "mine").unwrap();
     refused(&[&BENCH[..], &["--report", foreign.to_str().unwrap()]].concat(), 2, "site");
     assert_eq!(contents(&foreign).len(), 1);
-    refused(&[&BENCH[..], &["--report", &old]].concat(), 2, "old.json: is no folder; name another one");
+    refused(&[&BENCH[..], &["--report", &old]].concat(), 2, "old.json: is not a folder; name another one");
     for folder in [&dir, &old] {
         refused(&["sample", folder], 2, "name a");
     }
@@ -170,7 +170,7 @@ fn links_pipes_and_streams_are_what_they_are_elsewhere() {
     );
     let said = Command::new("bash").args(["-c", &script]).output().unwrap();
     let said = String::from_utf8(said.stdout).unwrap();
-    let expected = "linked\n1\nsame\nsame\nerror: -: a mesh is not read from standard input, only a clip (--weights -); \
+    let expected = "linked\n1\nsame\nsame\nerror: -: only clips can be read from standard input (--weights -); \
                     name a folder or file\n1\nhead (head)\n143\ns: 60 vertices";
     assert!(said.starts_with(expected), "{said}");
 }
@@ -204,7 +204,7 @@ fn a_report_is_replaced_when_the_new_one_is_complete() {
     refused(
         &[&none[..], &["--report", dir, "--json", file]].concat(),
         1,
-        "no configuration could run; direct: takes --formats",
+        "no configuration could run; direct: supports --formats",
     );
     assert!(contents(folder.path()) == before);
     // A run stopped while writing leaves a folder, which does not block the next.

@@ -168,7 +168,7 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
         ("--pose", "fixed16,fixed32"),
         ("--format", "fast,small"),
     ] {
-        check(&["play", &dir, option, several], 2, &[&format!("{option}: play takes one; name one of them")]);
+        check(&["play", &dir, option, several], 2, &[&format!("{option}: play accepts only one; name one of them")]);
     }
     check(&["play", &dir, "--weights", "none.csv", "--path", "cpu"], 2, &["none.csv", "; clips of", "head_30fps.csv"]);
     check(&["play", &dir, "--path", "cpu", "--format", "float32", "--pose", "fixed32"], 2, &["fixed32", "'fast'"]);
@@ -190,6 +190,6 @@ fn a_path_that_is_named_fails_where_there_is_no_device() {
         let out = without_drivers(&[&["play", &dir, "--quiet"], args].concat());
         let errors = String::from_utf8(out.stderr).unwrap();
         assert_eq!(out.status.code(), Some(1), "{args:?}: {errors}");
-        assert!(errors.contains("needs a Vulkan device and there is none; install a driver"), "{args:?}: {errors}");
+        assert!(errors.contains("needs a Vulkan device, and there is none; install a driver"), "{args:?}: {errors}");
     }
 }

@@ -44,9 +44,12 @@ fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
     assert!(played && said.contains("called so: 'Timecode', 'Head Yaw', 'column 4'"), "{said}");
     assert!(said.contains("column 'Timecode' gives no frame rate: 30 a second is assumed; give --fps"), "{said}");
     let (played, _, said) = play("eyeBlinkLeft\n50\n");
-    assert!(played && said.contains("weights up to 50; 1 is a whole target: are they percentages?"), "{said}");
+    assert!(
+        played && said.contains("weights up to 50, but 1 applies a target in full: are they percentages?"),
+        "{said}"
+    );
     let apply = |set: &str| fails(&[&["apply", "--path", "cpu", "--set", set, "-o", "x.obj"], &HEAD[..]].concat());
-    assert!(apply("eyeBlnkLeft=1").1.contains("lists the 12 there are; did you mean 'eyeBlinkLeft'?"));
+    assert!(apply("eyeBlnkLeft=1").1.contains("lists its 12 targets; did you mean 'eyeBlinkLeft'?"));
     assert!(apply("eyeblinkleft=1, eyeBlink_L=0").1.contains("--set eyeBlink_L: set twice"));
 }
 
@@ -85,9 +88,9 @@ fn fixed_point_poses_hold_the_weights_of_the_clip() {
         (out.status.success(), String::from_utf8(out.stderr).unwrap())
     };
     let (played, said) = play(&[]);
-    assert!(played && said.contains("weights up to 1.75: fixed16 poses hold them"), "{said}");
+    assert!(played && said.contains("weights up to 1.75: the range of fixed16 poses is extended to them"), "{said}");
     let (played, said) = play(&["--noise", "0.5"]);
-    assert!(played && said.contains("weights up to 2.25: fixed16"), "{said}");
+    assert!(played && said.contains("weights up to 2.25: the range of fixed16"), "{said}");
     let (played, said) = play(&["--weight-max", "1"]);
     assert!(!played && said.contains("use a larger weight_max"), "{said}");
     let out = folder.path().join("out.obj");

@@ -118,7 +118,7 @@ const FRAMES: usize = 300;
 pub fn faces(session: &mut Session<'_>) -> Result<Vec<Scene>, Failure> {
     let args = &session.args.input;
     if args.input.is_some() {
-        let reason = "is of the built-in head in four sizes; leave INPUT out".into();
+        let reason = "measures the built-in head in four sizes; leave out INPUT".into();
         session.skip(Skipped { what: "suite faces".into(), reason });
         return Ok(vec![]);
     }
@@ -174,7 +174,9 @@ fn sets(session: &mut Session<'_>) -> Result<Vec<PathBuf>, Failure> {
             sets.sort();
             (sets, format!("no folder of DELTAMORPH_DATA ({}) has neutral.obj and weights/*.csv", root.display()))
         }
-        (None, None) => (vec![], "give INPUT with weights/*.csv, or set DELTAMORPH_DATA to a folder of such".into()),
+        (None, None) => {
+            (vec![], "give INPUT with weights/*.csv, or set DELTAMORPH_DATA to a folder of such folders".into())
+        }
     };
     let sets: Vec<PathBuf> = sets.into_iter().filter(has_clips).collect();
     if sets.is_empty() {
