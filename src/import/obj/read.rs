@@ -1,24 +1,21 @@
 //! Reads OBJ text into arrays, in the file's order.
-//!
-//! tobj reads the numbers of `v`, `vt` and `vn`, faces are read here: tobj has no line numbers, takes an index of 0 for
-//! a missing one, and repeats texture coordinates where a corner has none. Numbers are checked before it gets them.
 
 use crate::asset::{CUT_ALL, CUT_MOST, Corner, Faces};
 use crate::error::{Error, Result, ensure};
 use crate::import::kinds::refuse_others;
 use crate::import::shortened;
 use crate::io::{TEXT_MAX, read_bounded};
-use bytemuck::cast_slice;
 use glam::{DVec3, Vec2, Vec3};
-use std::io::Write;
 use std::path::Path;
+use std::str::FromStr;
 
 /// The statements that are read; others are ignored. The first three list values.
 const KEYWORDS: [&[u8]; 4] = [b"v", b"vt", b"vn", b"f"];
 const FACE: usize = 3;
 const NAMES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
-/// Numbers that a statement needs.
+/// Numbers that a statement needs, and those that are read of it.
 const LEAST: [usize; 3] = [3, 1, 3];
+const WIDTHS: [usize; 3] = [3, 2, 3];
 
 const EXPORT_AGAIN: &str = "export the file again";
 const EXPORT_OBJ: &str = "export the mesh as Wavefront OBJ";
@@ -84,9 +81,9 @@ impl ObjFile {
         ensure!(counts[0] > 0, Error::input(path, "", what, EXPORT_OBJ));
         let mut scan = Scan {
             path,
-            origin: origin.as_dvec3(),
+            origin: (origin != Vec3::ZERO).then(|| origin.as_dvec3()),
             line: 0,
-            text: ordering_face(counts),
+            numbers: std::array::from_fn(|kind| Vec::with_capacity(WIDTHS[kind] * counts[kind])),
             counts,
             seen: [0; 4],
             faces: Faces::default(),
@@ -94,7 +91,6 @@ impl ObjFile {
             lost: 0,
             thin: 0,
         };
-        scan.text.reserve(bytes.len() + 1);
         for (line, kind, rest) in statements(&bytes) {
             scan.line = line;
             if kind == FACE {
@@ -103,22 +99,8 @@ impl ObjFile {
                 scan.values(kind, rest)?;
             }
         }
-        let remedy = "export the file again, with one statement on a line";
-        let lost = || Error::input(path, "", "the parser lost numbers", remedy);
-        let mesh = values(&scan.text, counts).ok_or_else(lost)?;
-        Ok(scan.finish(&mesh))
+        Ok(scan.finish())
     }
-}
-
-/// The numbers of the `v`, `vt` and `vn` statements in `text`, by tobj; `None` where one is refused, or a vertex is not
-/// finite.
-fn values(text: &[u8], [v, vt, vn, _]: [usize; 4]) -> Option<tobj::Mesh> {
-    let options = tobj::LoadOptions::default();
-    let (mut models, _) = tobj::load_obj_buf(&mut &*text, &options, |_| Ok(Default::default())).ok()?;
-    let mesh = models.pop()?.mesh;
-    let found = [&mesh.positions, &mesh.texcoords, &mesh.normals].map(Vec::len);
-    let is_finite = mesh.positions.iter().all(|number| number.is_finite());
-    (found == [3 * v, 2 * vt, 3 * vn] && is_finite).then_some(mesh)
 }
 
 /// The text in lines that end in LF, each with a whole statement.
@@ -135,15 +117,15 @@ fn prepared(mut bytes: Vec<u8>) -> Vec<u8> {
     if bytes.contains(&b'\\') { join_lines(&bytes) } else { bytes }
 }
 
-/// Reads faces, and copies the other statements for tobj.
+/// What has been read so far.
 struct Scan<'a> {
     path: &'a Path,
-    /// Subtracted from positions.
-    origin: DVec3,
+    /// Subtracted from positions, before they are rounded to single precision.
+    origin: Option<DVec3>,
     /// The line that the statement begins on.
     line: usize,
-    /// The statements for tobj.
-    text: Vec<u8>,
+    /// The numbers of the `v`, `vt` and `vn` lines.
+    numbers: [Vec<f32>; 3],
     /// Number of statements of each keyword.
     counts: [usize; 4],
     /// Their number so far; a negative index counts back from it.
@@ -166,14 +148,14 @@ impl Scan<'_> {
         std::str::from_utf8(rest).map_err(|_| self.error("bytes that are not UTF-8 text", EXPORT_AGAIN))
     }
 
-    fn number(&self, word: &str) -> Result<f64> {
-        let number = if is_nan(word) { Ok(f64::NAN) } else { word.parse() };
+    fn number<T: FromStr>(&self, word: &str) -> Result<T> {
+        let number = if is_nan(word) { "nan" } else { word }.parse();
         let remedy =
             if word.contains(',') { "write numbers with a point, and spaces between them" } else { EXPORT_AGAIN };
         number.map_err(|_| self.error(format!("'{}' is not a number", shortened(word)), remedy))
     }
 
-    /// Copies the numbers that are used of a statement.
+    /// Reads the numbers of a statement.
     fn values(&mut self, kind: usize, rest: &[u8]) -> Result<()> {
         let text = self.text(rest)?;
         let given = text.split_whitespace().count();
@@ -181,32 +163,24 @@ impl Scan<'_> {
         ensure!(given >= LEAST[kind], self.error(what(), EXPORT_AGAIN));
         // One number more than three is a weight, several are a colour.
         let weight = text.split_whitespace().nth(3).filter(|_| kind == 0 && given == 4);
-        let (used, divided) = if weight.is_some() { (4, ", divided by the fourth, its weight") } else { (3, "") };
-        let weight = weight.map_or(Ok(1.0), |word| self.number(word))?;
-        let origin = if kind == 0 { self.origin * weight } else { DVec3::ZERO };
-        self.text.extend_from_slice(KEYWORDS[kind]);
-        for (word, offset) in text.split_whitespace().take(used).zip(origin.extend(0.0).to_array()) {
-            let number = self.number(word)? - offset;
-            let is_finite = kind > 0 || ((number / weight) as f32).is_finite();
+        let divided = if weight.is_some() { ", divided by the fourth, its weight" } else { "" };
+        let weight: f32 = weight.map_or(Ok(1.0), |word| self.number(word))?;
+        for (i, word) in text.split_whitespace().take(WIDTHS[kind]).enumerate() {
+            let number: f32 = match self.origin.filter(|_| kind == 0) {
+                Some(origin) => (self.number::<f64>(word)? - origin[i] * f64::from(weight)) as f32,
+                None => self.number(word)?,
+            };
+            let number = number / weight;
             let what = || {
                 let vertex = shortened(text.trim());
                 format!("the vertex '{vertex}' is not one of finite numbers of single precision{divided}")
             };
-            ensure!(is_finite, self.error(what(), "repair the mesh and export it again"));
-            self.text.push(b' ');
-            match word {
-                _ if number.is_nan() => self.text.extend_from_slice(b"nan"),
-                // Writing to memory cannot fail.
-                _ if offset != 0.0 => drop(write!(self.text, "{number}")),
-                word => self.text.extend_from_slice(word.as_bytes()),
-            }
+            ensure!(kind > 0 || number.is_finite(), self.error(what(), "repair the mesh and export it again"));
+            self.numbers[kind].push(number);
         }
-        // The second texture coordinate where there is one alone; tobj ignores what follows two.
-        if kind == 1 {
-            self.text.extend_from_slice(b" 0");
-        }
-        self.text.push(b'\n');
+        // A second texture coordinate that is not there is 0.
         self.seen[kind] += 1;
+        self.numbers[kind].resize(WIDTHS[kind] * self.seen[kind], 0.0);
         Ok(())
     }
 
@@ -261,10 +235,11 @@ impl Scan<'_> {
         Ok(named)
     }
 
-    fn finish(self, mesh: &tobj::Mesh) -> ObjFile {
-        let Self { mut faces, corner_normals, mut lost, thin, .. } = self;
-        let mut texcoords: Vec<Vec2> = cast_slice(&mesh.texcoords).to_vec();
-        let mut normals: Vec<Vec3> = cast_slice(&mesh.normals).to_vec();
+    fn finish(self) -> ObjFile {
+        let Self { numbers: [positions, texcoords, normals], mut faces, corner_normals, mut lost, thin, .. } = self;
+        let vectors = |numbers: Vec<f32>| numbers.as_chunks().0.iter().copied().map(Vec3::from_array).collect();
+        let mut texcoords: Vec<Vec2> = texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect();
+        let mut normals: Vec<Vec3> = vectors(normals);
         for corner in &mut faces.corners {
             if corner.texcoord.is_some_and(|t| !texcoords[t as usize].is_finite()) {
                 corner.texcoord = None;
@@ -293,7 +268,7 @@ impl Scan<'_> {
             notes.push(format!("{what}: {lost}"));
         }
         ObjFile {
-            positions: cast_slice(&mesh.positions).to_vec(),
+            positions: vectors(positions),
             texcoords,
             normals,
             faces,
@@ -302,27 +277,6 @@ impl Scan<'_> {
             notes,
         }
     }
-}
-
-/// Makes the one face that tobj gets, whose corners name every vertex, texture coordinate and normal in file order.
-///
-/// tobj numbers all three by first use and drops those that no face uses. With this face, the order of first use is the
-/// order of the file.
-fn ordering_face([v, vt, vn, _]: [usize; 4]) -> Vec<u8> {
-    let corners = v.max(vt).max(vn);
-    let mut line = Vec::with_capacity(corners * 24 + 2);
-    line.push(b'f');
-    for i in 1..=corners {
-        for (separator, n) in [(b' ', v), (b'/', vt), (b'/', vn)] {
-            line.push(separator);
-            if n > 0 {
-                // Writing to memory cannot fail.
-                let _ = write!(line, "{}", i.min(n));
-            }
-        }
-    }
-    line.push(b'\n');
-    line
 }
 
 /// Whether a word is no number as programs on Windows write it: 1.#QNAN, 1.#INF, nan(ind).
