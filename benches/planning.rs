@@ -7,7 +7,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::instances::Instances;
 use deltamorph::internals::update::blocks::Planner;
-use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc};
+use deltamorph::{DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc};
 use deltamorph_head::{HeadDesc, head};
 use std::hint::black_box;
 
@@ -30,7 +30,7 @@ fn clip(targets: usize, changed: usize) -> Vec<Vec<f32>> {
 }
 
 /// Plan frame after frame of `frames` in blocks; a figure is the mean over the whole clip.
-fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f32>]) {
+fn plan_blocks(c: &mut Criterion, name: &str, mesh: &KeptMesh, frames: &[Vec<f32>]) {
     let mut group = c.benchmark_group("plan_blocks");
     for (format, pose) in [
         (DeltaFormat::Fast, PoseFormat::Float32),
@@ -59,12 +59,12 @@ fn plan_blocks(c: &mut Criterion, name: &str, mesh: &MorphMesh, frames: &[Vec<f3
 }
 
 fn blocks(c: &mut Criterion) {
-    let head = head(&HeadDesc::default()).to_mesh(Tolerance::default()).expect("the built-in head");
+    let head = head(&HeadDesc::default()).kept(Tolerance::default()).expect("the built-in head");
     plan_blocks(c, "head, 8 of 72", &head, &clip(72, 8));
     let Some(data) = std::env::var_os("DELTAMORPH_DATA") else { return };
     let folder = std::path::Path::new(&data).join("ict_facekit");
     let Ok(source) = obj::import_folder(&folder) else { return };
-    let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = source.kept(Tolerance::default()).expect("a mesh");
     for name in ["facecap_30fps", "facegood_2_01_mapped_30fps"] {
         let clip = csv::read(&folder.join(format!("weights/{name}.csv")), None).expect("a clip");
         let targets: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();

@@ -330,7 +330,7 @@ fn run(wanted: &str) -> Result<()> {
     // SAFETY: the handles belong together, and are destroyed after the engine and its objects.
     let engine = unsafe { MorphEngine::new(&desc) }?;
     let head_desc = head::HeadDesc { vertices: 5_000, targets: 52, ..Default::default() };
-    let source = head::head(&head_desc).to_mesh(Tolerance::default())?;
+    let source = head::head(&head_desc).kept(Tolerance::default())?;
     let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
     let names: Vec<&str> = mesh.layout().targets.iter().map(|t| t.name.as_str()).collect();
     let clip: Vec<Vec<f32>> = head::head_clip(&head_desc, FRAMES, 30.0).bind(&names)?.frames().collect();

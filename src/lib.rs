@@ -3,8 +3,8 @@
 //! The engine borrows your device and records into your command buffers; it never submits, waits, or creates a queue or
 //! thread. What to call, in order:
 //!
-//! 1. Mesh: [`import::open`] or [`MorphSource::from_arrays`], then [`MorphSource::to_mesh`] and [`PackedMesh::pack`];
-//!    or [`Asset::read`] of what was packed before.
+//! 1. Mesh: [`Mesh::open`] or [`Mesh::from_arrays`], then [`Mesh::pack`]; or [`PackedMesh::read`]
+//!    of what was packed before. [`import::open`] reads either, and finds clips.
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
@@ -13,8 +13,7 @@
 //!
 //! ```no_run
 //! use deltamorph::ash::{self, vk};
-//! use deltamorph::import::obj::import_folder;
-//! use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackedMesh, Result, Tolerance, UpdateDesc};
+//! use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, Mesh, MorphEngine, Result, UpdateDesc};
 //!
 //! /// `run` hands out a command buffer of yours that is recording, submits it, and waits.
 //! fn morph(
@@ -23,8 +22,7 @@
 //! ) -> Result<()> {
 //!     // SAFETY: the handles are alive and belong together, and outlive the engine and all it makes.
 //!     let engine = unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical_device, device)) }?;
-//!     let source = import_folder("face".as_ref())?.to_mesh(Tolerance::default())?; // or import::open
-//!     let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
+//!     let mesh = Mesh::open("face")?.pack(&engine.pack_desc(DeltaFormat::Fast))?;
 //!     let _indices = &mesh.layout().indices; // for your index buffer: triangles of the vertices of poses
 //!     let mut uploaded = None;
 //!     // SAFETY: `cmd` is recording and runs once; the mesh outlives what the device does with it.
@@ -52,7 +50,9 @@
 //! Vulkan, [`CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from the truth.
 //!
 //! # Features
-//! None is on by default.
+//! `obj` is on by default. Without `obj`, `csv` and `gltf`, names of targets are compared as the host gives them, in no
+//! Unicode form of their own.
+//! - `obj`: meshes from folders of OBJ files.
 //! - `csv`: weight clips from CSV files.
 //! - `gltf`: meshes, weight animations and skins from glTF files.
 //! - `threads`: the path `cpu` and the importer on several threads.
@@ -85,6 +85,7 @@ pub mod import;
 mod io;
 pub mod lod;
 mod math;
+mod names;
 mod pack;
 mod plan;
 pub mod reference;
@@ -94,7 +95,9 @@ mod update;
 mod weights;
 
 pub use after::DecodeTarget;
-pub use asset::{MeshArrays, MorphMesh, MorphSource, Semantic, TargetArrays, Tolerance};
+#[doc(hidden)]
+pub use asset::KeptMesh;
+pub use asset::{Mesh, MeshArrays, Semantic, TargetArrays, Tolerance};
 pub use cpu::CpuCrowd;
 pub use crowd::CrowdBase;
 pub use engine::{
@@ -105,7 +108,6 @@ pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::DeviceCaps;
 pub use gpu::device::DeviceDesc;
 pub use pack::blocks::BlockDesc;
-pub use pack::file::Asset;
 pub use pack::{DeltaFormat, POSE_FLOATS, PackDesc, PackedLayout, PackedMesh, PoseError, PoseFormat, VertexLayout};
 pub use plan::bounds::{Bounds, WeightBounds};
 pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
@@ -115,10 +117,12 @@ pub use update::requirements;
 pub use weights::{BoundClip, Repeat, WeightClip, normalise_weights};
 pub use {ash, glam, gpu_allocator};
 
-/// What a [`MorphSource`] and a [`MorphMesh`] hold: faces, targets, and streams of values for each vertex.
+/// What a [`Mesh`] holds: faces, targets, and streams of values for each vertex.
 pub mod mesh {
+    #[doc(hidden)]
+    pub use crate::asset::KeptTarget;
     pub use crate::asset::{
-        Corner, Faces, Measure, MorphTarget, RenderVertices, SourceTarget, StreamData, StreamDeltas, StreamPlace,
+        Corner, Faces, Measure, MorphTarget, RenderVertices, StreamData, StreamDeltas, StreamPlace,
     };
 }
 

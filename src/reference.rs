@@ -2,8 +2,9 @@
 
 pub use crate::after::normals::normals;
 pub use crate::after::skin::skin;
-use crate::asset::MorphMesh;
+use crate::asset::KeptMesh;
 use crate::asset::streams::{StreamPlace, group_streams};
+#[doc(hidden)]
 pub use crate::math::angle_degrees;
 pub use crate::pack::PoseError;
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, Source, stream_errors};
@@ -30,16 +31,15 @@ pub fn evaluate_group(group: &PackedGroup, weights: &[f32]) -> Vec<f64> {
 }
 
 /// Evaluates position and normal ([`evaluate_unpacked_group`]).
-pub fn evaluate_unpacked(mesh: &MorphMesh, weights: &[f32]) -> Vec<f64> {
+#[doc(hidden)]
+pub fn evaluate_unpacked(mesh: &KeptMesh, weights: &[f32]) -> Vec<f64> {
     evaluate_unpacked_group(mesh, &group_streams([])[0], weights)
 }
 
 /// Like [`evaluate_group`], but from the deltas of `mesh` before packing; a mesh made at tolerance zero has the deltas
-/// of its files. All values are NaN if the streams or targets of `mesh` do not fit its vertices.
-pub fn evaluate_unpacked_group(mesh: &MorphMesh, streams: &[StreamPlace], weights: &[f32]) -> Vec<f64> {
-    if Source::groups(mesh).is_err() {
-        return vec![f64::NAN; mesh.vertex_count() * POSE_FLOATS];
-    }
+/// of its files.
+#[doc(hidden)]
+pub fn evaluate_unpacked_group(mesh: &KeptMesh, streams: &[StreamPlace], weights: &[f32]) -> Vec<f64> {
     let source = Source::new(mesh, streams);
     let mut pose: Vec<f64> = (0..mesh.vertex_count()).flat_map(|v| source.base(v).map(f64::from)).collect();
     for (target, &weight) in mesh.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {

@@ -68,11 +68,11 @@ pub unsafe extern "C" fn dm_surface_upload(
 ) -> DmResult {
     enter("dm_surface_upload", || {
         let make = |engine: &deltamorph::MorphEngine, mesh: &crate::mesh::Mesh| {
-            let faces = &mesh.asset.faces;
+            let faces = &mesh.packed.faces;
             let corners: Vec<u32> = faces.corners.iter().map(|corner| corner.position).collect();
-            let desc = NormalsDesc { sizes: &faces.sizes, welds: &mesh.asset.welds, ..NormalsDesc::new(&corners) };
+            let desc = NormalsDesc { sizes: &faces.sizes, welds: &mesh.packed.welds, ..NormalsDesc::new(&corners) };
             // SAFETY: the caller's obligations.
-            Ok(unsafe { engine.upload_normals(cmd, &mesh.asset.mesh, &desc) }?)
+            Ok(unsafe { engine.upload_normals(cmd, &mesh.packed, &desc) }?)
         };
         // SAFETY: as above.
         unsafe { attached::upload((engine, cmd, mesh), (surface, "surface"), make) }

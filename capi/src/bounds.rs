@@ -35,7 +35,7 @@ pub unsafe extern "C" fn dm_weight_bounds_create(
         // SAFETY: the caller's obligation.
         let desc = unsafe { crowd_desc(desc, PoseFormat::Float32) }?;
         let mesh = mesh.get()?;
-        let made = deltamorph::WeightBounds::new(&mesh.asset.mesh, &desc.update)?;
+        let made = deltamorph::WeightBounds::new(&mesh.packed, &desc.update)?;
         let made = WeightBounds { bounds: made, targets: mesh.layout().targets.len() };
         // SAFETY: the caller's obligation; it was checked.
         unsafe { bounds.write(DmWeightBounds::insert(made)) };

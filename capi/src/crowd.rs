@@ -145,7 +145,7 @@ unsafe fn level(desc: *const DmLevelDesc) -> Result<Option<Importance>> {
     let pins = unsafe { slice(asked.pins, asked.pin_count as usize, "pins") }?;
     // SAFETY: as above.
     let pins = pins.iter().map(|&pin| unsafe { text(pin, "pins") }).collect::<Result<Vec<&str>>>()?;
-    Ok(Some(Importance::of_packed(&mesh.asset.mesh, &pins)?))
+    Ok(Some(Importance::of_packed(&mesh.packed, &pins)?))
 }
 
 fn insert(kind: Kind, engine: Arc<Engine>) -> DmCrowd {

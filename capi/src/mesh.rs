@@ -6,16 +6,14 @@ use crate::memory::{array, check_place, read, read_or_default, slice, text, text
 use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, DM_MESSAGE_NOTE, delta_format};
 use crate::result::{DmResult, Failure, Result, c_string, enter};
 use crate::structs::{DmMeshArrays, DmMeshDesc};
-use deltamorph::import::{ImportDesc, Imported, ImportedMesh, open};
-use deltamorph::{
-    Asset, BlockDesc, MeshArrays, MorphMesh, MorphSource, PackDesc, PackedLayout, PackedMesh, TargetArrays, Tolerance,
-};
+use deltamorph::import::{Imported, ImportedMesh, open};
+use deltamorph::{BlockDesc, MeshArrays, PackDesc, PackedLayout, PackedMesh, TargetArrays, Tolerance};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 
 /// The object of a `DmMesh`.
 pub struct Mesh {
-    pub(crate) asset: Asset,
+    pub(crate) packed: PackedMesh,
     /// Names of its targets, for as long as it lives.
     pub(crate) names: Vec<CString>,
 }
@@ -46,10 +44,11 @@ impl DmMeshDesc {
 
     fn pack_desc(&self) -> Result<PackDesc> {
         let format = delta_format(self.delta_format)?;
-        let desc = match self.engine.bits() {
+        let mut desc = match self.engine.bits() {
             0 => PackDesc::new(format),
             _ => self.engine.get()?.morph.pack_desc(format),
         };
+        desc.tolerance = self.tolerance()?;
         let default = BlockDesc::default();
         let blocks = BlockDesc {
             size: (self.block_size != 0).then_some(self.block_size),
@@ -74,7 +73,7 @@ impl DmMeshDesc {
 }
 
 impl Mesh {
-    pub(crate) fn of_source(mut source: MorphSource, desc: &DmMeshDesc) -> Result<Self> {
+    pub(crate) fn of_source(mut source: deltamorph::Mesh, desc: &DmMeshDesc) -> Result<Self> {
         desc.tell(&source.notes);
         if desc.has(DM_MESH_SPLIT)? {
             source = source.split()?;
@@ -82,30 +81,24 @@ impl Mesh {
         if desc.has(DM_MESH_WELD)? {
             source.weld()?;
         }
-        Self::pack(source.to_mesh(desc.tolerance()?)?, desc)
-    }
-
-    fn pack(mesh: MorphMesh, desc: &DmMeshDesc) -> Result<Self> {
-        let packed = PackedMesh::pack(&mesh, &desc.pack_desc()?)?;
-        let MorphMesh { faces, texcoords, welds, tolerance, .. } = mesh;
-        Ok(Self::of_asset(Asset { mesh: packed, faces, texcoords, welds, tolerance }))
+        Ok(Self::new(source.pack(&desc.pack_desc()?)?))
     }
 
     /// The mesh of a packed file, packed again if `desc` says how.
-    fn of_packed(asset: Asset, desc: &DmMeshDesc) -> Result<Self> {
+    fn of_packed(packed: PackedMesh, desc: &DmMeshDesc) -> Result<Self> {
         match desc.packs_by_default() {
-            true => Ok(Self::of_asset(asset)),
-            false => Self::pack(asset.to_mesh()?, desc),
+            true => Ok(Self::new(packed)),
+            false => Ok(Self::new(PackedMesh::pack(&packed.unpack()?, &desc.pack_desc()?)?)),
         }
     }
 
-    fn of_asset(asset: Asset) -> Self {
-        let names = asset.mesh.layout().targets.iter().map(|target| c_string(&target.name)).collect();
-        Self { asset, names }
+    fn new(packed: PackedMesh) -> Self {
+        let names = packed.layout().targets.iter().map(|target| c_string(&target.name)).collect();
+        Self { packed, names }
     }
 
     pub(crate) fn layout(&self) -> &PackedLayout {
-        self.asset.mesh.layout()
+        self.packed.layout()
     }
 }
 
@@ -153,10 +146,10 @@ pub unsafe extern "C" fn dm_mesh_open(path: *const c_char, desc: *const DmMeshDe
     let make = |desc: &DmMeshDesc| {
         // SAFETY: the caller's obligation.
         let path = Path::new(unsafe { text(path, "path") }?);
-        let Imported { mesh, .. } = open(path, &ImportDesc::default())?;
+        let Imported { mesh, .. } = open(path)?;
         match mesh {
             ImportedMesh::Source(source) => Mesh::of_source(source, desc),
-            ImportedMesh::Packed(asset) => Mesh::of_packed(asset, desc),
+            ImportedMesh::Packed(packed) => Mesh::of_packed(packed, desc),
         }
     };
     // SAFETY: the caller's obligations.
@@ -184,7 +177,7 @@ pub unsafe extern "C" fn dm_mesh_from_bytes(
         // SAFETY: as above.
         let name = unsafe { text_or_empty(name, "name") }?;
         let name = if name.is_empty() { "bytes in memory" } else { name };
-        Mesh::of_packed(Asset::from_bytes(Path::new(name), bytes)?, desc)
+        Mesh::of_packed(PackedMesh::from_bytes(name, bytes)?, desc)
     };
     // SAFETY: the caller's obligations.
     unsafe { create("dm_mesh_from_bytes", desc, mesh, make) }
@@ -212,7 +205,7 @@ pub unsafe extern "C" fn dm_mesh_from_arrays(
 
 /// # Safety
 /// The conditions of [`dm_mesh_from_arrays`].
-unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<MorphSource> {
+unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<deltamorph::Mesh> {
     // SAFETY: the caller's obligations, of this array and of each of its targets below.
     let arrays = unsafe { read(arrays) }?;
     check_reserved("DmMeshArrays", arrays.reserved)?;
@@ -244,7 +237,7 @@ unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<MorphSource> {
             absolute: arrays.absolute != 0,
         }
     };
-    Ok(MorphSource::from_arrays(&arrays)?)
+    Ok(deltamorph::Mesh::from_arrays(&arrays)?)
 }
 
 /// # Safety

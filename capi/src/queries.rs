@@ -120,7 +120,7 @@ pub unsafe extern "C" fn dm_mesh_info(mesh: DmMesh, info: *mut DmMeshInfo) -> Dm
             delta_format: delta_number(layout.format),
             diagonal: layout.diagonal,
             pose_bytes: layout.base_bytes(),
-            device_bytes: MorphEngine::mesh_bytes(&mesh.asset.mesh),
+            device_bytes: MorphEngine::mesh_bytes(&mesh.packed),
             ..DmMeshInfo::zeroed()
         });
         Ok(())
@@ -228,7 +228,7 @@ pub unsafe extern "C" fn dm_mesh_render_vertices(mesh: DmMesh, vertices: *mut Dm
         // SAFETY: as above.
         let place = unsafe { Place::new(vertices) }?;
         let mesh = mesh.get()?;
-        let found = mesh.asset.mesh.render_vertices(&mesh.asset.faces, &mesh.asset.texcoords)?;
+        let found = mesh.packed.render_vertices()?;
         let texcoords: Vec<f32> = found.texcoords.iter().flat_map(|t| t.to_array()).collect();
         let vertex_room = asked.vertex_count as usize;
         let index_room = asked.index_count as usize;
@@ -277,7 +277,7 @@ pub unsafe extern "C" fn dm_mesh_evaluate(
             return Err(Failure::invalid(format!("{weight_count} weights for {targets} targets; give one per target")));
         }
         // SAFETY: as above.
-        unsafe { fill(pose, count, &evaluate(&mesh.asset.mesh, weights), "pose") }
+        unsafe { fill(pose, count, &evaluate(&mesh.packed, weights), "pose") }
     })
 }
 

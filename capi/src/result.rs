@@ -64,7 +64,7 @@ impl From<deltamorph::Error> for Failure {
 }
 
 /// Names in the library's messages, and their names in C. Replaced in this order.
-const NAMES: [(&str, &str); 15] = [
+const NAMES: [(&str, &str); 14] = [
     ("AnimationDesc::importance", "DmAnimationDesc::level"),
     ("CrowdDesc::pose_usage", "DmCrowdDesc::pose_usage"),
     ("CrowdDesc::poses", "DmCrowdDesc::poses"),
@@ -73,8 +73,7 @@ const NAMES: [(&str, &str); 15] = [
     ("MorphEngine::pack_desc", "DmMeshDesc::engine"),
     ("MorphEngine::upload", "dm_mesh_upload"),
     ("MorphEngine", "DmEngine"),
-    ("MorphSource::to_mesh", "dm_mesh_from_arrays"),
-    ("MorphSource::weld", "DM_MESH_WELD"),
+    ("Mesh::weld", "DM_MESH_WELD"),
     ("PoseFormat::Fixed16 or Fixed32", "DM_POSE_FIXED16 or DM_POSE_FIXED32"),
     ("PoseFormat::Fixed32", "DM_POSE_FIXED32"),
     ("Semantic::Normal", "DM_STREAM_NORMAL"),

@@ -44,7 +44,7 @@ pub unsafe extern "C" fn dm_skin_upload(
             let joints = slice(asked.joints, count, "joints")?;
             let weights = slice(asked.weights, count, "weights")?;
             let desc = SkinDesc { influences, joint_count: asked.joint_count, joints, weights };
-            Ok(engine.upload_skin(cmd, &mesh.asset.mesh, &desc)?)
+            Ok(engine.upload_skin(cmd, &mesh.packed, &desc)?)
         };
         // SAFETY: as above.
         unsafe { attached::upload((engine, cmd, mesh), (skin, "skin"), make) }

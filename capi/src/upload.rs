@@ -43,7 +43,7 @@ pub unsafe extern "C" fn dm_mesh_upload(
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligations; `gpu_mesh` was checked.
         unsafe {
-            let mesh = Mutex::new(engine.morph.upload(cmd, &mesh.asset.mesh)?);
+            let mesh = Mutex::new(engine.morph.upload(cmd, &mesh.packed)?);
             gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine }));
         }
         Ok(())

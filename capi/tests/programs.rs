@@ -1,7 +1,7 @@
 //! The programs in C and C++, built against the library as a host builds them, and run as processes: with the
 //! validation layer enabled from outside, and under valgrind.
 
-use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
+use deltamorph::{DeltaFormat, PackDesc};
 use deltamorph_head::{HeadDesc, head};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -158,12 +158,9 @@ fn the_c_program_is_right_and_valid_on_every_driver() {
     let program = build("examples/c/minimal.c", unchanged);
     let lines = std::fs::read_to_string(root().join("examples/c/minimal.c")).expect("the source").lines().count();
     assert!(lines < 200, "{lines} lines, for hosts to copy from");
-    let mesh = head(&HeadDesc { vertices: 900, targets: 7, ..Default::default() })
-        .to_mesh(Tolerance::default())
-        .expect("a mesh");
-    let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs");
+    let head = head(&HeadDesc { vertices: 900, targets: 7, ..Default::default() });
     let packed = program.0.path().join("head.dmorph");
-    asset.write(&packed).expect("a file");
+    head.pack(&PackDesc::new(DeltaFormat::Small)).expect("a mesh").write(&packed).expect("a file");
     let gltf = program.0.path().join("face.glb");
     ran(build("capi/tests/scene.c", unchanged).command().arg(DRIVERS[0]).arg(&gltf));
     for driver in drivers() {

@@ -6,10 +6,10 @@ use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::Stage;
 use crate::verify::Checks;
 use deltamorph::import::is_gltf;
-use deltamorph::import::obj::{ObjMesh, write_obj_to};
+use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph::internals::write_replacing;
 use deltamorph::reference::SHORTEST_NORMAL;
-use deltamorph::{MorphMesh, POSE_FLOATS};
+use deltamorph::{KeptMesh, POSE_FLOATS};
 use deltamorph_headless::DeviceChoice;
 use glam::{Vec2, Vec3};
 use serde_json::json;
@@ -74,7 +74,7 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
 
 /// Writes the pose in the input's coordinates and vertex order, with normalised normals. OBJ texture coordinates go
 /// up; `down`: those of the mesh go down, and are flipped.
-fn write(path: &Path, mesh: &MorphMesh, down: bool, pose: &[f32]) -> Result<(), Failure> {
+fn write(path: &Path, mesh: &KeptMesh, down: bool, pose: &[f32]) -> Result<(), Failure> {
     let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
     let normals: Vec<Vec3> = vertices
         .clone()
@@ -95,6 +95,6 @@ fn write(path: &Path, mesh: &MorphMesh, down: bool, pose: &[f32]) -> Result<(), 
             let absolute = Vec3::from_slice(&v[..3]).as_dvec3() + mesh.origin.as_dvec3();
             writeln!(out, "v {}", absolute.to_array().map(number).join(" "))?;
         }
-        write_obj_to(out, rest)
+        write_obj(out, rest)
     })?)
 }

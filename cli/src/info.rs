@@ -7,8 +7,8 @@ use crate::args::InfoArgs;
 use crate::input::{self, Input, MeshInfo};
 use crate::output::{Failure, Output};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
-use deltamorph::mesh::MorphTarget;
-use deltamorph::{BoundClip, DeltaFormat, MorphMesh};
+use deltamorph::mesh::KeptTarget;
+use deltamorph::{BoundClip, DeltaFormat, KeptMesh};
 use glam::Vec3;
 use measure::{Blocks, Measured};
 use pose_formats::{PoseCost, Sample, pose_table};
@@ -107,7 +107,7 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
     let vertices = kept.vertex_count();
     let share = |n: usize| n as f64 / vertices.max(1) as f64;
     let length = |deltas: &[Vec3]| deltas.iter().map(|d| d.length()).fold(0.0, f32::max);
-    let differs = |target: &MorphTarget| target.positions.iter().filter(|d| **d != Vec3::ZERO).count();
+    let differs = |target: &KeptTarget| target.positions.iter().filter(|d| **d != Vec3::ZERO).count();
     let held = input.packed.as_ref().map_or(DeltaFormat::Small, |packed| packed.layout().format);
     let of = |format: DeltaFormat| formats.iter().find(|m| m.name == format.name()).unwrap_or(&formats[0]);
     let (blocks, held) = (of(DeltaFormat::Small).blocks, of(held));
@@ -134,7 +134,7 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
     }
 }
 
-fn overlap(mesh: &MorphMesh) -> Overlap {
+fn overlap(mesh: &KeptMesh) -> Overlap {
     let mut per_vertex = vec![0u32; mesh.vertex_count()];
     for &v in mesh.targets.iter().flat_map(|t| &t.vertices) {
         per_vertex[v as usize] += 1;

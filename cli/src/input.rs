@@ -2,10 +2,10 @@
 
 use crate::args::{InputArgs, RunArgs};
 use crate::output::{Failure, Output};
-use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
+use deltamorph::import::{Imported, ImportedMesh, csv, gltf};
 use deltamorph::internals::diagonal;
 use deltamorph::internals::weights::names::{closest, meanings};
-use deltamorph::{BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import};
+use deltamorph::{BlockDesc, BoundClip, KeptMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import};
 use deltamorph_head as head;
 use serde::Serialize;
 use std::cell::Cell;
@@ -23,9 +23,9 @@ const PERCENT: f32 = 5.0;
 pub struct Input {
     pub name: String,
     /// Every nonzero delta: the reference for errors "against the raw files". Both meshes are recentred.
-    pub raw: Arc<MorphMesh>,
+    pub raw: Arc<KeptMesh>,
     /// The deltas above the tolerance: packed and uploaded.
-    pub kept: Arc<MorphMesh>,
+    pub kept: Arc<KeptMesh>,
     /// The packed mesh of a packed file; `raw` and `kept` are decoded from it.
     pub packed: Option<Arc<PackedMesh>>,
     /// The weight clips in INPUT/weights, by name; of a glTF file its animations of weights, as FILE#NAME.
@@ -73,7 +73,7 @@ impl Input {
         if self.kept.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
             return Ok(());
         }
-        let mut mesh = MorphMesh::clone(&self.kept);
+        let mut mesh = KeptMesh::clone(&self.kept);
         deltamorph_render::wrinkles::add(&mut mesh);
         if let Some(packed) = &mut self.packed {
             let layout = packed.layout();
@@ -116,14 +116,14 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
             return Err(Failure::Usage(text.into()));
         }
         Some(path) => {
-            let Imported { mesh, clips, looks_back, .. } = import::open(path, &ImportDesc::default())?;
+            let Imported { mesh, clips, looks_back, .. } = import::open(path)?;
             (mesh, clips, looks_back)
         }
     };
     let (raw, kept, packed) = match mesh {
         ImportedMesh::Source(source) => {
-            let mesh = |tolerance| -> deltamorph::Result<Arc<MorphMesh>> {
-                let mut mesh = source.to_mesh(tolerance)?;
+            let mesh = |tolerance| -> deltamorph::Result<Arc<KeptMesh>> {
+                let mut mesh = source.kept(tolerance)?;
                 mesh.recentre();
                 Ok(Arc::new(mesh))
             };
@@ -132,9 +132,9 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
             let raw = if same { kept.clone() } else { mesh(Tolerance::ZERO)? };
             (raw, kept, None)
         }
-        ImportedMesh::Packed(mut asset) => {
-            asset.mesh.recentre();
-            let kept = Arc::new(asset.to_mesh()?);
+        ImportedMesh::Packed(mut packed) => {
+            packed.recentre();
+            let kept = Arc::new(packed.unpack()?);
             // Deltas dropped before packing are lost, and a packed mesh is used as it is.
             if ![Tolerance::default(), kept.tolerance].contains(&args.tolerance()) {
                 return Err(Failure::Usage(format!(
@@ -143,7 +143,7 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
                     args.tolerance, kept.tolerance.position
                 )));
             }
-            (kept.clone(), kept, Some(Arc::new(asset.mesh)))
+            (kept.clone(), kept, Some(Arc::new(packed)))
         }
     };
     spinner.finish_and_clear();

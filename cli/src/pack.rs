@@ -6,8 +6,7 @@ use crate::info::pose_formats::{Sample, pose_table};
 use crate::input;
 use crate::output::{Failure, Output, With, check_ending};
 use crate::table::{bytes, sig3, thousands};
-use deltamorph::import::{self, packed};
-use deltamorph::{Asset, DeltaFormat, PackDesc, WeightClip};
+use deltamorph::{DeltaFormat, PackDesc, PackedMesh, import};
 use glam::Vec3;
 use serde_json::json;
 use std::sync::Arc;
@@ -29,7 +28,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         Arc::make_mut(&mut input.kept).origin = Vec3::ZERO;
     }
     if let Some(mesh) = &input.packed {
-        let lost = sig3(mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position));
+        let lost = sig3(mesh.layout().error().map_or(0.0, |error| error.position));
         let origin = &input.origin;
         out.warn(format_args!(
             "{origin} has an error of {lost} from when it was packed; the errors below do not include it"
@@ -37,19 +36,18 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     }
     let spinner = out.spinner("packing");
     let desc = PackDesc { blocks: args.pack.desc(), ..PackDesc::new(format) };
-    let asset = Asset::pack(&input.kept, &desc);
+    let mesh = PackedMesh::pack(&input.kept, &desc);
     spinner.finish_and_clear();
-    let asset = asset?;
+    let mut mesh = mesh?;
     // Clips of a folder stay files of their own.
     let kept = input.clips.iter().filter(|clip| import::animation_of(clip).is_some());
-    let clips: Vec<WeightClip> =
-        kept.filter_map(|clip| input.unless_bad(import::open_clip(clip, args.input.fps))).collect();
-    packed::write(&args.output, &asset, &clips)?;
+    mesh.clips = kept.filter_map(|clip| input.unless_bad(import::open_clip(clip, args.input.fps))).collect();
+    mesh.write(&args.output)?;
     let sample = Sample::new(&input, &args.input, args.pack.weight_max);
     let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
-    let mesh = Arc::new(asset.mesh);
+    let mesh = Arc::new(mesh);
     let layout = mesh.layout();
-    let Some(index) = &layout.blocks else { return Ok(()) }; // `Asset::pack` takes no other format
+    let Some(index) = &layout.blocks else { return Ok(()) }; // files hold no other format
     let measured = Measured::of(&mesh, false, &sample);
     let (Cost { delta_bytes, index_bytes, dense_f32_bytes, .. }, output) = (measured.cost, args.output.display());
     let times = match delta_bytes + index_bytes {
@@ -60,7 +58,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let [vertices, entries, moved, blocks] =
         [layout.vertex_count, index.entry_count(), index.touched(), index.count()].map(thousands);
     let [position, normal] = [measured.cost.position_error_rel, measured.cost.normal_error_deg].map(sig3);
-    let clip_count = match clips.len() {
+    let clip_count = match mesh.clips.len() {
         0 => String::new(),
         1 => "; a weight clip".to_owned(),
         n => format!("; {n} weight clips"),
@@ -82,7 +80,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         "schema": 1, "origin": input.origin, "output": output.to_string(), "format": measured.name,
         "vertices": layout.vertex_count, "targets": layout.targets.len(), "block_size": index.size(),
         "blocks": index.count(), "blocks_moved": index.touched(), "entries": index.entry_count(),
-        "file_bytes": file_bytes, "clips": clips.len(),
+        "file_bytes": file_bytes, "clips": mesh.clips.len(),
     });
     out.json(&With { fields: measured, more })
 }

@@ -3,9 +3,10 @@
 use crate::args::SampleArgs;
 use crate::output::{Failure, Output, claim, create_folder, publish};
 use crate::table::thousands;
-use deltamorph::MorphSource;
+use deltamorph::Mesh;
 use deltamorph::import::csv;
 use deltamorph::import::obj::{ObjMesh, write_obj};
+use deltamorph::internals::write_replacing;
 use deltamorph_head as head;
 use glam::Vec3;
 use std::path::Path;
@@ -47,12 +48,13 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
 
 /// Writes `targets/*.obj` and `neutral.obj`, calling `step` after each file. Every position and normal is read back
 /// exactly.
-fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
+fn write_folder(source: &Mesh, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
     let targets = dir.join("targets");
     create_folder(&targets)?;
     let base_normals = source.normals.as_deref().unwrap_or_default();
     let file = |positions: &[Vec3], normals: &[Vec3], path: &Path| {
-        write_obj(path, ObjMesh { positions, normals, texcoords: &source.texcoords, faces: &source.faces })
+        let mesh = ObjMesh { positions, normals, texcoords: &source.texcoords, faces: &source.faces };
+        write_replacing(path, |out| write_obj(out, mesh))
     };
     for target in &source.targets {
         let mut positions = source.positions.clone();
@@ -93,7 +95,7 @@ mod tests {
         let read = obj::import_folder(dir.path()).expect("read");
         assert_eq!(read.positions, source.positions);
         assert_eq!(read.faces, source.faces);
-        let (a, b) = (source.to_mesh(Tolerance::default()), read.to_mesh(Tolerance::default()));
+        let (a, b) = (source.kept(Tolerance::default()), read.kept(Tolerance::default()));
         let (a, b) = (a.expect("the head"), b.expect("the folder"));
         assert_eq!(a.targets.len(), b.targets.len());
         for target in &a.targets {

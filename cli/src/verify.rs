@@ -6,7 +6,7 @@ use crate::table::{sig3, thousands};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_group, evaluate_unpacked};
 use deltamorph::{
-    CpuCrowd, MorphMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, PoseFormat, UpdateDesc, UpdateStats,
+    CpuCrowd, KeptMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, PoseFormat, UpdateDesc, UpdateStats,
 };
 use deltamorph_headless::Draws;
 use glam::DVec3;
@@ -97,7 +97,7 @@ impl Errors {
 
 /// The whole and its parts of a pose, in input units; `reference` is the pose of the applied weights on the packed
 /// deltas.
-fn errors(pose: &[f32], reference: &[f64], mesh: &PackedMesh, source: &MorphMesh, weights: &[f32]) -> [f64; 4] {
+fn errors(pose: &[f32], reference: &[f64], mesh: &PackedMesh, source: &KeptMesh, weights: &[f32]) -> [f64; 4] {
     let requested = evaluate(mesh, weights);
     let truth = evaluate_unpacked(source, weights);
     let [whole, rounding] = [&truth, reference].map(|from| compare(pose, from).position);
@@ -262,7 +262,7 @@ pub struct Checks<'a> {
     /// Those of the further streams, group after group.
     promises: Vec<Promise>,
     /// Compares normals, too, and positions with these deltas at the requested weights.
-    source: Option<Arc<MorphMesh>>,
+    source: Option<Arc<KeptMesh>>,
     count: usize,
     additions: usize,
     pub found: Found,
@@ -296,7 +296,7 @@ pub struct Checked {
 impl<'a> Checks<'a> {
     /// Checks positions and further streams of `stage` against the reference; with a `source` also normals, and
     /// positions against it.
-    pub fn new(stage: &'a Stage, source: Option<Arc<MorphMesh>>) -> Self {
+    pub fn new(stage: &'a Stage, source: Option<Arc<KeptMesh>>) -> Self {
         let of_layout = |layout: &PackedLayout| Promise::new(&stage.desc, layout);
         let of_group = |layout: &PackedLayout| {
             // No bound on the drift of further streams is kept, and none of their changes is deferred.
@@ -434,8 +434,8 @@ impl<'a> Checks<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::mesh::SourceTarget;
-    use deltamorph::{BatchSize, DeltaFormat, MorphSource, PackDesc, PoseFormat, Tolerance, UpdatePath};
+    use deltamorph::mesh::MorphTarget;
+    use deltamorph::{BatchSize, DeltaFormat, Mesh, PackDesc, PoseFormat, Tolerance, UpdatePath};
     use glam::Vec3;
 
     #[test]
@@ -487,21 +487,21 @@ mod tests {
     }
 
     /// A quad of diagonal 0.42 at `x` along the x axis; its 40 targets move it by up to a tenth of the diagonal.
-    fn quad(x: f32) -> MorphMesh {
+    fn quad(x: f32) -> KeptMesh {
         let corners = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.3, 0.0], [0.0, 0.3, 0.0]];
         let target = |t: usize| {
             let angle = |v: usize| (7 * t + 3 * v) as f32;
             let delta = |v| (v as u32, 0.04 * Vec3::new(angle(v).sin(), angle(v).cos(), (2.0 * angle(v)).sin()));
             let (name, positions, normals) = (t.to_string(), (0..4).map(delta).collect(), Some(vec![]));
-            SourceTarget { name, positions, normals, streams: vec![] }
+            MorphTarget { name, positions, normals, streams: vec![] }
         };
-        let source = MorphSource {
+        let source = Mesh {
             positions: corners.map(|corner| Vec3::from(corner) + Vec3::X * x).to_vec(),
             normals: Some(vec![Vec3::Z; 4]),
             targets: (0..40).map(target).collect(),
-            ..MorphSource::default()
+            ..Mesh::default()
         };
-        source.to_mesh(Tolerance::ZERO).expect("a mesh")
+        source.kept(Tolerance::ZERO).expect("a mesh")
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, Error, MorphMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdatePath,
+    BatchSize, CpuCrowd, DeltaFormat, Error, KeptMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdatePath,
 };
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ pub fn check_error(error: Error) {
 }
 
 /// Packs a mesh in the format that `choice` selects, and compares poses of it with the reference.
-pub fn pack_and_update(mesh: &MorphMesh, choice: u32) {
+pub fn pack_and_update(mesh: &KeptMesh, choice: u32) {
     for target in &mesh.targets {
         assert!(target.vertices.is_sorted_by(|a, b| a < b), "vertices of a target ascend");
         assert!(

@@ -24,7 +24,7 @@ mod spot;
 mod targets;
 
 pub use clip::head_clip;
-use deltamorph::MorphSource;
+use deltamorph::Mesh;
 use deltamorph::glam::{Vec2, Vec3};
 use deltamorph::mesh::{Corner, Faces};
 pub use random::Rng;
@@ -53,7 +53,7 @@ impl Default for HeadDesc {
 /// Makes the built-in head: exactly `desc.vertices` vertices and `desc.targets` targets.
 ///
 /// Triangles, with texture coordinates split along a seam at the back, and without normals:
-/// [`to_mesh`](MorphSource::to_mesh) computes them. Fewer than three vertices have no face, fewer than 250 make only
+/// [`pack`](Mesh::pack) computes them. Fewer than three vertices have no face, fewer than 250 make only
 /// the outline of a head, and below 1,000 or so some of teeth and tongue are missing. The shape of the base pose does
 /// not depend on the seed; it is symmetric, and so are targets for the left and the right side, up to the ends of their
 /// supports. The targets follow ARKit's documentation of their names. At weight 1, no target alone pushes a part
@@ -65,21 +65,21 @@ impl Default for HeadDesc {
 ///
 /// Targets are local, with smooth edges; the sizes of their supports vary around a mean of `sparsity`. Values of `desc`
 /// outside their range are clamped into it (a `sparsity` that is not a number counts as the default's).
-pub fn head(desc: &HeadDesc) -> MorphSource {
+pub fn head(desc: &HeadDesc) -> Mesh {
     // Vertex numbers and face corners (about six per vertex) are 32-bit.
     let vertices = desc.vertices.clamp(1, 1 << 28);
     let sparsity = if desc.sparsity.is_nan() { HeadDesc::default().sparsity } else { desc.sparsity };
     let desc = HeadDesc { sparsity: sparsity.clamp(f32::MIN_POSITIVE, 1.0), ..desc.clone() };
     let (spots, base) = if vertices < 5 { few(vertices) } else { whole(vertices) };
     let targets = targets::targets(&desc, &spots, &base.positions);
-    MorphSource { name: "head".to_owned(), targets, ..base }
+    Mesh { name: "head".to_owned(), targets, ..base }
 }
 
-fn whole(vertices: usize) -> (Vec<Spot>, MorphSource) {
+fn whole(vertices: usize) -> (Vec<Spot>, Mesh) {
     let mut net = mesh::Net::new(vertices);
     let positions = net.spots.iter().map(|s| place(s, shape::Lids::REST)).collect();
     let faces = net.faces();
-    (net.spots, MorphSource { positions, texcoords: net.texcoords, faces, ..Default::default() })
+    (net.spots, Mesh { positions, texcoords: net.texcoords, faces, ..Default::default() })
 }
 
 /// The middle of the left eyeball, and its radius.
@@ -102,7 +102,7 @@ fn place(spot: &Spot, lids: shape::Lids) -> Vec3 {
 }
 
 /// Makes one to four vertices: points of the face's outline, with one face if there are three or more.
-fn few(vertices: usize) -> (Vec<Spot>, MorphSource) {
+fn few(vertices: usize) -> (Vec<Spot>, Mesh) {
     let outline =
         [Vec3::new(-5.0, 4.0, 8.0), Vec3::new(0.0, -9.0, 9.0), Vec3::new(5.0, 4.0, 8.0), Vec3::new(0.0, 11.0, 4.0)];
     let positions = outline[..vertices].to_vec();
@@ -111,7 +111,7 @@ fn few(vertices: usize) -> (Vec<Spot>, MorphSource) {
     let corners = sizes.iter().flat_map(|&n| 0..n).map(|i| Corner { position: i, texcoord: Some(i) }).collect();
     (
         vec![mesh::on_skin(0.0, 10.0); vertices],
-        MorphSource { positions, texcoords, faces: Faces { sizes, corners }, ..Default::default() },
+        Mesh { positions, texcoords, faces: Faces { sizes, corners }, ..Default::default() },
     )
 }
 

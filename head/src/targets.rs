@@ -5,7 +5,7 @@ use super::motion::{Lip, Lobe, clear_of_eyes};
 use super::spot::{Part, Slit, Spot};
 use super::{HeadDesc, Rng};
 use deltamorph::glam::Vec3;
-use deltamorph::mesh::SourceTarget;
+use deltamorph::mesh::MorphTarget;
 #[cfg(feature = "threads")]
 use rayon::prelude::*;
 
@@ -165,7 +165,7 @@ fn detail(seed: u64, i: usize, spots: &[Spot], positions: &[Vec3]) -> Expression
 }
 
 /// Makes all targets of the head with the base pose `positions`.
-pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Vec<SourceTarget> {
+pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Vec<MorphTarget> {
     let mut arkit = arkit().into_iter();
     let part = |(i, name): (usize, String)| {
         // A random stream for each target, so that it does not depend on the number of others.
@@ -178,10 +178,10 @@ pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Ve
     let factors: Vec<f32> = parts.iter().map(|part| part.support).collect();
     let fractions = fractions(&factors, desc.sparsity);
     let parts: Vec<(Expression, f32)> = parts.into_iter().zip(fractions).collect();
-    let target = |(part, fraction): (Expression, f32)| SourceTarget {
+    let target = |(part, fraction): (Expression, f32)| MorphTarget {
         positions: part.moved(fraction, spots, positions),
         name: part.name,
-        ..SourceTarget::default()
+        ..MorphTarget::default()
     };
     #[cfg(feature = "threads")]
     let parts = parts.into_par_iter();

@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn what_is_outside_has_no_vertex_inside() {
         let source = head(&HeadDesc { vertices: 300, targets: 8, ..Default::default() });
-        let mesh = source.to_mesh(Default::default()).expect("a mesh");
+        let mesh = source.kept(Default::default()).expect("a mesh");
         let packed = PackedMesh::pack(&mesh, &Default::default()).expect("a mesh that packs");
         let bounds = PoseBounds::new(&packed, &UpdateDesc::blocks()).expect("bounds").of(&[]);
         let view = Camera::default().fit(mesh.positions.iter().copied(), 1.5, 0.1);

@@ -14,7 +14,7 @@ use crate::wrinkles::MaskPlace;
 use deltamorph::after::NormalsDesc;
 use deltamorph::ash::vk;
 use deltamorph::{
-    Bounds, CpuCrowd, Crowd, CrowdDesc, Error, GpuMesh, MorphEngine, MorphMesh, PackedMesh, PoseFormat, Result,
+    Bounds, CpuCrowd, Crowd, CrowdDesc, Error, GpuMesh, KeptMesh, MorphEngine, PackedMesh, PoseFormat, Result,
     Semantic, Ticket, UpdateDesc, UpdatePath, UpdateStats,
 };
 use deltamorph_headless::Headless;
@@ -105,7 +105,7 @@ impl Heads {
     /// them are still to run.
     pub unsafe fn new(
         headless: &Headless,
-        mesh: &MorphMesh,
+        mesh: &KeptMesh,
         packed: &Arc<PackedMesh>,
         parts: &[Part],
         desc: &HeadsDesc<'_>,
@@ -175,7 +175,7 @@ impl Heads {
     ///
     /// # Errors
     /// There is no memory.
-    pub fn set_still(&mut self, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
+    pub fn set_still(&mut self, mesh: &KeptMesh, parts: &[Part]) -> Result<()> {
         self.model.set_still(&self.renderer, mesh, parts)
     }
 

@@ -7,7 +7,7 @@ use crate::renderer::Renderer;
 use crate::scene::{Head, Masks, Scale};
 use bytemuck::cast_slice;
 use deltamorph::ash::vk;
-use deltamorph::{Error, MorphMesh, POSE_FLOATS, PackedLayout, PoseFormat, Result};
+use deltamorph::{Error, KeptMesh, POSE_FLOATS, PackedLayout, PoseFormat, Result};
 use glam::{Vec3, Vec4};
 use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
@@ -52,7 +52,7 @@ impl Model {
     /// The model is dropped only when no commands recorded with it are still to run.
     pub(crate) unsafe fn new(
         renderer: &Renderer,
-        mesh: &MorphMesh,
+        mesh: &KeptMesh,
         layout: &PackedLayout,
         parts: &[Part],
     ) -> Result<Self> {
@@ -66,7 +66,7 @@ impl Model {
     ///
     /// # Errors
     /// There is no memory.
-    pub(crate) fn set_still(&mut self, renderer: &Renderer, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
+    pub(crate) fn set_still(&mut self, renderer: &Renderer, mesh: &KeptMesh, parts: &[Part]) -> Result<()> {
         let count = mesh.vertex_count();
         let places: Vec<u32> = (0..count as u32).collect();
         let rest = at_rest(mesh, &places, count);
@@ -88,7 +88,7 @@ impl Model {
 
     fn placed(
         renderer: &Renderer,
-        mesh: &MorphMesh,
+        mesh: &KeptMesh,
         parts: &[Part],
         places: Vec<u32>,
         (padded, block): (usize, u32),
@@ -132,7 +132,7 @@ impl Model {
 }
 
 /// Position and normal of the vertices of a mesh, which are at `places`.
-fn at_rest(mesh: &MorphMesh, places: &[u32], padded: usize) -> Vec<f32> {
+fn at_rest(mesh: &KeptMesh, places: &[u32], padded: usize) -> Vec<f32> {
     let mut rest = vec![0.0; padded * POSE_FLOATS];
     for ((place, position), normal) in places.iter().zip(&mesh.positions).zip(&mesh.normals) {
         let vertex = &mut rest[*place as usize * POSE_FLOATS..][..POSE_FLOATS];
@@ -169,7 +169,7 @@ fn stored(pose: PoseFormat, vertices: &[f32]) -> (Vec<u8>, Scale) {
 }
 
 /// Returns the index of each vertex of a mesh in the pose buffers of its packed mesh.
-pub(crate) fn places_of(mesh: &MorphMesh, layout: &PackedLayout) -> Result<Vec<u32>> {
+pub(crate) fn places_of(mesh: &KeptMesh, layout: &PackedLayout) -> Result<Vec<u32>> {
     let count = mesh.vertex_count();
     if count != layout.vertex_count {
         return Err(Error::Invalid {
@@ -183,7 +183,7 @@ pub(crate) fn places_of(mesh: &MorphMesh, layout: &PackedLayout) -> Result<Vec<u
 }
 
 /// Returns the edges of the faces that `parts` draw, without diagonals, each once, from the lower vertex to the higher.
-fn edges(mesh: &MorphMesh, parts: &[Part]) -> Vec<[u32; 2]> {
+fn edges(mesh: &KeptMesh, parts: &[Part]) -> Vec<[u32; 2]> {
     let around = |corners: &[u32]| -> Vec<[u32; 2]> {
         let next = corners.iter().cycle().skip(1);
         corners.iter().zip(next).map(|(a, b)| [*a.min(b), *a.max(b)]).collect()

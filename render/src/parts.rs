@@ -1,7 +1,7 @@
 //! The materials of a mesh: skin, eyes, teeth. They follow from the names of groups or materials in the file; without
 //! names, eyeballs are recognised by their shape.
 
-use deltamorph::MorphMesh;
+use deltamorph::KeptMesh;
 use glam::{Mat3, Vec3, Vec4};
 use std::collections::HashMap;
 
@@ -75,7 +75,7 @@ pub struct Part {
 
 /// Returns the parts of a mesh. `said` has what the file says of each face, or is empty: eyeballs are then recognised
 /// by their shape, and everything else is skin.
-pub fn parts(mesh: &MorphMesh, said: &[Face<'_>]) -> Vec<Part> {
+pub fn parts(mesh: &KeptMesh, said: &[Face<'_>]) -> Vec<Part> {
     let mut kinds: HashMap<&str, Option<Material>> = HashMap::new();
     let mut faces: Vec<(Option<Material>, [u32; 3])> = vec![];
     let mut stated: Vec<Part> = vec![];
@@ -135,7 +135,7 @@ pub fn parts(mesh: &MorphMesh, said: &[Face<'_>]) -> Vec<Part> {
 }
 
 /// Groups triangles that are connected and have the same material.
-fn pieces(mesh: &MorphMesh, faces: &[(Option<Material>, [u32; 3])]) -> Vec<(Option<Material>, Vec<[u32; 3]>)> {
+fn pieces(mesh: &KeptMesh, faces: &[(Option<Material>, [u32; 3])]) -> Vec<(Option<Material>, Vec<[u32; 3]>)> {
     let welded = |v: u32| mesh.welds.get(v as usize).copied().unwrap_or(v);
     let mut parents: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
     fn root(parents: &mut [u32], mut v: u32) -> u32 {
@@ -164,16 +164,16 @@ fn pieces(mesh: &MorphMesh, faces: &[(Option<Material>, [u32; 3])]) -> Vec<(Opti
     pieces
 }
 
-fn positions<'a>(mesh: &'a MorphMesh, triangles: &'a [[u32; 3]]) -> impl Iterator<Item = Vec3> + 'a {
+fn positions<'a>(mesh: &'a KeptMesh, triangles: &'a [[u32; 3]]) -> impl Iterator<Item = Vec3> + 'a {
     triangles.iter().flatten().map(|&v| mesh.positions[v as usize])
 }
 
-fn middle(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Vec3 {
+fn middle(mesh: &KeptMesh, triangles: &[[u32; 3]]) -> Vec3 {
     positions(mesh, triangles).sum::<Vec3>() / (3 * triangles.len()).max(1) as f32
 }
 
 /// Fits a sphere to the corners, by least squares of |p|² − 2 c·p + (c² − r²); returns its middle and radius.
-fn sphere(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Option<Vec4> {
+fn sphere(mesh: &KeptMesh, triangles: &[[u32; 3]]) -> Option<Vec4> {
     let origin = middle(mesh, triangles);
     let points = || positions(mesh, triangles).map(|p| p - origin);
     // With the points' mean as origin, the middle has its own equation: 2 (Σ p pᵀ) c = Σ |p|² p.
@@ -192,13 +192,13 @@ fn sphere(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Option<Vec4> {
 }
 
 /// Returns the mean distance of corners from a sphere, as a share of its radius.
-fn roughness(mesh: &MorphMesh, triangles: &[[u32; 3]], ball: &Vec4) -> f32 {
+fn roughness(mesh: &KeptMesh, triangles: &[[u32; 3]], ball: &Vec4) -> f32 {
     let off = positions(mesh, triangles).map(|p| (p.distance(ball.truncate()) / ball.w - 1.0).abs());
     off.sum::<f32>() / (3 * triangles.len()).max(1) as f32
 }
 
 /// Returns whether the corners lie on the sphere and cover most of it, and the sphere is as large as an eye.
-fn is_eyeball(mesh: &MorphMesh, triangles: &[[u32; 3]], ball: &Vec4) -> bool {
+fn is_eyeball(mesh: &KeptMesh, triangles: &[[u32; 3]], ball: &Vec4) -> bool {
     let radius = ball.w;
     let (low, high) = positions(mesh, triangles).fold((Vec3::MAX, Vec3::MIN), |(l, h), p| (l.min(p), h.max(p)));
     let size = (high - low).min_element() / radius;
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn painted_faces_are_parts_of_their_surfaces() {
         let mesh = head(&HeadDesc { vertices: 600, targets: 1, ..Default::default() })
-            .to_mesh(Default::default())
+            .kept(Default::default())
             .expect("a mesh");
         let [one, other] = [false, true].map(|double_sided| Surface { colour: [1.0; 3], double_sided });
         let mut said = vec![Face::Named(""); mesh.faces.sizes.len()];

@@ -5,7 +5,7 @@ use crate::parts::Part;
 use crate::scene::{Scene, Show};
 use crate::target::{Picture, Target};
 use deltamorph::ash::vk;
-use deltamorph::{Error, MorphMesh, PackedMesh, Result};
+use deltamorph::{Error, KeptMesh, PackedMesh, Result};
 use deltamorph_headless::{Headless, wait_idle};
 use glam::Mat4;
 use std::collections::VecDeque;
@@ -38,7 +38,7 @@ impl<'a> Studio<'a> {
     /// Those of [`Heads::new`]; pictures are larger than the device draws.
     pub fn new(
         headless: &'a Headless,
-        mesh: &MorphMesh,
+        mesh: &KeptMesh,
         packed: &Arc<PackedMesh>,
         parts: &[Part],
         size: [u32; 2],
@@ -79,7 +79,7 @@ impl<'a> Studio<'a> {
     ///
     /// # Errors
     /// The device fails; there is no memory.
-    pub fn set_still(&mut self, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
+    pub fn set_still(&mut self, mesh: &KeptMesh, parts: &[Part]) -> Result<()> {
         self.finish()?;
         self.heads.set_still(mesh, parts)
     }

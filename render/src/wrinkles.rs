@@ -8,14 +8,14 @@
 //! the device, writing only changes. A mesh without the stream has no cost.
 
 use deltamorph::mesh::{StreamData, StreamDeltas};
-use deltamorph::{MorphMesh, PackedMesh, PoseFormat, Semantic};
+use deltamorph::{KeptMesh, PackedMesh, PoseFormat, Semantic};
 use glam::Vec3;
 use std::collections::BTreeSet;
 
 /// Adds the stream [`Semantic::Mask`] to `mesh`, if it has none. A mask is the fraction by which the edges at a vertex
 /// get shorter at weight 1, negative if they get longer: one for vertical edges (y of the mesh, along the surface), one
 /// for horizontal edges. An edge in between counts for each by the fourth power of its cosine.
-pub fn add(mesh: &mut MorphMesh) {
+pub fn add(mesh: &mut KeptMesh) {
     if mesh.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
         return;
     }
@@ -75,7 +75,7 @@ impl MaskPlace {
 const GROUP_COMPONENTS: usize = deltamorph::POSE_FLOATS;
 
 /// Returns, for each vertex, the vertices at the other end of its edges.
-fn edges_at(mesh: &MorphMesh) -> Vec<Vec<u32>> {
+fn edges_at(mesh: &KeptMesh) -> Vec<Vec<u32>> {
     let mut at = vec![BTreeSet::new(); mesh.vertex_count()];
     for face in mesh.faces.iter() {
         let corners: Vec<u32> = face.iter().map(|corner| corner.position).collect();
@@ -88,7 +88,7 @@ fn edges_at(mesh: &MorphMesh) -> Vec<Vec<u32>> {
 }
 
 /// Returns how much the edges at a vertex get shorter: vertically and horizontally.
-fn compressed(mesh: &MorphMesh, moved: &[Vec3], vertex: usize, others: &[u32]) -> [f32; 2] {
+fn compressed(mesh: &KeptMesh, moved: &[Vec3], vertex: usize, others: &[u32]) -> [f32; 2] {
     let normal = mesh.normals[vertex];
     let up = normal.cross(Vec3::Y).cross(normal).normalize_or_zero();
     let axes = [up, up.cross(normal)];
@@ -112,14 +112,14 @@ fn compressed(mesh: &MorphMesh, moved: &[Vec3], vertex: usize, others: &[u32]) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::mesh::{Corner, Faces, MorphTarget};
+    use deltamorph::mesh::{Corner, Faces, KeptTarget};
     use deltamorph::reference::{evaluate_group, evaluate_unpacked_group};
     use deltamorph::{DeltaFormat, PackDesc, Tolerance};
 
     const SIDE: u32 = 9;
 
     /// Makes a square grid that faces forwards, with a target for each function of positions in `to`.
-    fn grid(to: &[&dyn Fn(Vec3) -> Vec3]) -> MorphMesh {
+    fn grid(to: &[&dyn Fn(Vec3) -> Vec3]) -> KeptMesh {
         let positions: Vec<Vec3> =
             (0..SIDE * SIDE).map(|i| Vec3::new((i % SIDE) as f32, (i / SIDE) as f32, 0.0)).collect();
         let corner = |position| Corner { position, texcoord: None };
@@ -128,21 +128,21 @@ mod tests {
             faces.sizes.push(4);
             faces.corners.extend([i, i + 1, i + SIDE + 1, i + SIDE].map(corner));
         }
-        let target = |(number, to): (usize, &&dyn Fn(Vec3) -> Vec3)| MorphTarget {
+        let target = |(number, to): (usize, &&dyn Fn(Vec3) -> Vec3)| KeptTarget {
             name: format!("target {number}"),
             vertices: (0..SIDE * SIDE).collect(),
             positions: positions.iter().map(|p| to(*p) - *p).collect(),
             normals: vec![Vec3::ZERO; positions.len()],
             streams: vec![],
         };
-        let mut mesh = MorphMesh {
+        let mut mesh = KeptMesh {
             normals: vec![Vec3::Z; positions.len()],
             diagonal: 8.0 * 2f32.sqrt(),
             targets: to.iter().enumerate().map(target).collect(),
             tolerance: Tolerance::ZERO,
             positions,
             faces,
-            ..MorphMesh::default()
+            ..KeptMesh::default()
         };
         add(&mut mesh);
         mesh

@@ -2,9 +2,7 @@
 
 use deltamorph::after::NormalsDesc;
 use deltamorph::reference::{self, evaluate};
-use deltamorph::{
-    BatchSize, DeltaFormat, MorphMesh, MorphSource, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
-};
+use deltamorph::{BatchSize, DeltaFormat, KeptMesh, Mesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath};
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph_render::wrinkles;
@@ -27,12 +25,12 @@ fn on_every_device(test: impl Fn(&Headless)) {
     }
 }
 
-fn source() -> MorphSource {
+fn source() -> Mesh {
     head(&HeadDesc { vertices: 3000, targets: 40, ..Default::default() })
 }
 
-fn mesh(source: &MorphSource) -> MorphMesh {
-    source.to_mesh(Tolerance::default()).expect("a mesh")
+fn mesh(source: &Mesh) -> KeptMesh {
+    source.kept(Tolerance::default()).expect("a mesh")
 }
 
 /// Frames of the clip: a weight per target.
@@ -41,19 +39,19 @@ fn frames(count: usize) -> Vec<Vec<f32>> {
     clip.values.chunks_exact(clip.names.len()).map(<[f32]>::to_vec).collect()
 }
 
-fn scene(mesh: &MorphMesh, places: &[Mat4], camera: Camera, show: Show) -> Scene {
+fn scene(mesh: &KeptMesh, places: &[Mat4], camera: Camera, show: Show) -> Scene {
     let all = places.iter().flat_map(|place| mesh.positions.iter().map(|p| place.transform_point3(*p)));
     Scene { view: camera.fit(all, SIZE[0] as f32 / SIZE[1] as f32, 0.05), light: Light::default(), show, end: 1.0 }
 }
 
-fn packed(headless: &Headless, mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
+fn packed(headless: &Headless, mesh: &KeptMesh, format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(mesh, &headless.engine().pack_desc(format)).expect("a mesh that packs"))
 }
 
 /// Draws each frame with one head.
 fn pictures(
     headless: &Headless,
-    mesh: &MorphMesh,
+    mesh: &KeptMesh,
     packed: &Arc<PackedMesh>,
     update: UpdateDesc,
     frames: &[Vec<f32>],
@@ -166,7 +164,7 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
     wrinkles::add(&mut masked);
     let frames = [rest, raised];
     on_every_device(|headless| {
-        let draw = |mesh: &MorphMesh, update: UpdateDesc, show| {
+        let draw = |mesh: &KeptMesh, update: UpdateDesc, show| {
             let format = if update.path == UpdatePath::Compute { DeltaFormat::Snorm16 } else { DeltaFormat::Fast };
             let packed = packed(headless, mesh, format);
             let [rest, raised] = &pictures(headless, mesh, &packed, update, &frames, (Camera::default(), show))[..]
@@ -197,7 +195,7 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
             let (mean, far) = difference(&other, &folded);
             assert!(mean < 0.02 && far <= 12, "{pose:?} {path:?}: {mean} {far}");
         }
-        let studio = |mesh: &MorphMesh| {
+        let studio = |mesh: &KeptMesh| {
             let packed = packed(headless, mesh, DeltaFormat::Fast);
             let desc = HeadsDesc::new(update);
             Studio::new(headless, mesh, &packed, &parts(mesh, &[]), SIZE, &desc).expect("a studio")
@@ -219,7 +217,7 @@ fn vertices_doubled_at_a_seam_change_no_pixel() {
     let update = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
     on_every_device(|headless| {
         for show in [Show::Shaded, Show::Normals] {
-            let of = |mesh: &MorphMesh| {
+            let of = |mesh: &KeptMesh| {
                 let packed = packed(headless, mesh, DeltaFormat::Float32);
                 pictures(headless, mesh, &packed, update, &frames(3), (behind, show))
             };
@@ -232,7 +230,7 @@ fn vertices_doubled_at_a_seam_change_no_pixel() {
 /// and skipped draws.
 fn culled(
     headless: &Headless,
-    (mesh, packed, update): (&MorphMesh, &Arc<PackedMesh>, UpdateDesc),
+    (mesh, packed, update): (&KeptMesh, &Arc<PackedMesh>, UpdateDesc),
     weights: &[&[f32]],
     places: &[Mat4],
     scene: &Scene,
@@ -314,7 +312,7 @@ fn recomputed_normals_are_drawn_as_their_reference_says() {
                 pairs.for_each(|(vertex, normal)| vertex[3..].copy_from_slice(normal));
                 // A mesh that is there, without targets.
                 let vectors: Vec<Vec3> = pose.chunks_exact(3).map(|v| DVec3::from_slice(v).as_vec3()).collect();
-                MorphMesh {
+                KeptMesh {
                     positions: vectors.iter().step_by(2).copied().collect(),
                     normals: vectors.iter().skip(1).step_by(2).copied().collect(),
                     targets: vec![],
@@ -396,7 +394,7 @@ fn still_parts_are_drawn_with_their_surfaces() {
     let back = [0, 2, 1, 0, 3, 2];
     let red = [0.8, 0.0, 0.0];
     let squares = [(red, false, front), ([0.0, 0.8, 0.0], false, front), (red, false, back), (red, true, back)];
-    let mut source = MorphSource::default();
+    let mut source = Mesh::default();
     let mut said = vec![];
     for (i, (colour, double_sided, order)) in squares.into_iter().enumerate() {
         let first = source.positions.len() as u32;
@@ -405,7 +403,7 @@ fn still_parts_are_drawn_with_their_surfaces() {
         source.faces.corners.extend(order.map(|v| deltamorph::mesh::Corner { position: first + v, texcoord: None }));
         said.extend([Face::Painted(Surface { colour, double_sided }); 2]);
     }
-    let still = source.to_mesh(Tolerance::ZERO).expect("squares");
+    let still = source.kept(Tolerance::ZERO).expect("squares");
     let parts_of_still = parts(&still, &said);
     on_every_device(|headless| {
         for update in [UpdateDesc::blocks(), UpdateDesc { pose: PoseFormat::Fixed32, ..UpdateDesc::blocks() }] {

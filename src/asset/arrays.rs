@@ -1,6 +1,6 @@
 //! Sources made from arrays with one element per vertex, as engines and exchange formats hold meshes.
 
-use super::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
+use super::{Corner, Faces, Mesh, MorphTarget, Semantic, StreamData, StreamDeltas};
 use crate::error::{Error, Result, ensure};
 use bytemuck::cast_slice;
 use glam::Vec3;
@@ -12,7 +12,7 @@ pub struct MeshArrays<'a> {
     pub name: &'a str,
     /// Positions.
     pub positions: &'a [[f32; 3]],
-    /// Normals of unit length; if empty, [`MorphSource::to_mesh`] computes them.
+    /// Normals of unit length; if empty, [`Mesh::pack`] computes them.
     pub normals: &'a [[f32; 3]],
     /// Tangents of unit length with the handedness (1 or -1) in w.
     pub tangents: &'a [[f32; 4]],
@@ -39,17 +39,17 @@ pub struct TargetArrays<'a> {
     pub tangents: &'a [[f32; 3]],
 }
 
-impl MorphSource {
+impl Mesh {
     /// Makes a source from arrays with one element per vertex. Deltas of zero take no memory.
     ///
     /// If vertices are doubled at seams, call [`weld`](Self::weld): computed normals are then smooth across the seam,
     /// and no crack opens in any pose.
     ///
     /// ```
-    /// use deltamorph::{MeshArrays, MorphSource, TargetArrays, Tolerance};
+    /// use deltamorph::{MeshArrays, Mesh, PackDesc, TargetArrays};
     ///
     /// let smile = [[0.0, 0.0, 0.0], [0.0, 0.25, 0.0], [0.0, 0.0, 0.0]];
-    /// let mesh = MorphSource::from_arrays(&MeshArrays {
+    /// let mesh = Mesh::from_arrays(&MeshArrays {
     ///     name: "mouth",
     ///     positions: &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
     ///     normals: &[[0.0, 0.0, 1.0]; 3],
@@ -57,15 +57,16 @@ impl MorphSource {
     ///     indices: &[0, 1, 2],
     ///     targets: &[TargetArrays { name: "smile", positions: &smile, ..Default::default() }],
     ///     ..Default::default()
-    /// })?
-    /// .to_mesh(Tolerance::default())?;
-    /// assert_eq!(mesh.targets[0].vertices, [1]);
+    /// })?;
+    /// assert_eq!(mesh.targets[0].positions.len(), 1);
+    /// let packed = mesh.pack(&PackDesc::default())?;
+    /// # let _ = packed;
     /// # Ok::<(), deltamorph::Error>(())
     /// ```
     ///
     /// # Errors
     /// [`Error::Invalid`] if the length of an array is not the number of vertices, or that of `indices` not a multiple
-    /// of three. [`to_mesh`](Self::to_mesh) checks the values.
+    /// of three. [`pack`](Self::pack) checks the values.
     pub fn from_arrays(arrays: &MeshArrays<'_>) -> Result<Self> {
         let MeshArrays { positions, normals, tangents, texcoords, indices, .. } = *arrays;
         let count = positions.len();
@@ -99,7 +100,7 @@ impl MorphSource {
             }
             let (vertices, deltas): (_, Vec<Vec3>) = differences(&directions, target.tangents).into_iter().unzip();
             let tangents = StreamDeltas { vertices, deltas: deltas.iter().flat_map(Vec3::to_array).collect() };
-            targets.push(SourceTarget {
+            targets.push(MorphTarget {
                 name,
                 positions: differences(positions, target.positions),
                 normals: (!target.normals.is_empty()).then(|| differences(normals, target.normals)),

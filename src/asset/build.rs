@@ -1,45 +1,29 @@
-//! Conversion of a source to a mesh ([`MorphSource::to_mesh`]), with its checks.
+//! Conversion of a source to a mesh ([`Mesh::pack`]), with its checks.
 
 use super::extent::extent;
 use super::normals::{Deformer, Surface};
 use super::render::{check_welds, copies, copy_deltas};
 use super::streams::Measure;
-use super::{MorphMesh, MorphSource, MorphTarget, Semantic, SourceTarget, StreamData, StreamDeltas, Tolerance};
+use super::{KeptMesh, KeptTarget, Mesh, MorphTarget, Semantic, StreamData, StreamDeltas, Tolerance};
 use crate::error::{Error, Result, ensure};
 use crate::math::{diagonal, map_all};
+use crate::names::composed;
 use glam::Vec3;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Display;
-use unicode_normalization::UnicodeNormalization;
 
 const NOT_FINITE: &str = "replace values that are not a number or infinite";
 const DIRECTION: &str = "normalise x y z, and give a tangent 1 or -1 as w";
-const WELD: &str =
-    "weld each vertex to the first at its position, or leave the welds empty (MorphSource::weld finds them)";
+const WELD: &str = "weld each vertex to the first at its position, or leave the welds empty (Mesh::weld finds them)";
 
-impl MorphSource {
-    /// Checks the source, drops deltas within `tolerance`, and computes missing normals. Names of targets get Unicode's
-    /// composed form (NFC), in which they are compared.
-    ///
-    /// A vertex stays in a target if its position delta is longer than `tolerance.position × diagonal`
-    /// ([`MorphMesh::diagonal`]) or its normal delta longer than `tolerance.normal`. A position delta within the
-    /// tolerance becomes exactly zero even if the vertex stays for its normal.
-    ///
-    /// A missing normal is computed as the normalised sum of the area vectors of the faces around the vertex. A polygon
-    /// counts with its whole area vector (the sum over its triangle fan) at each of its corners, so the result differs
-    /// from that of its triangles. If the sum is zero (no face, or faces without area), the normal is (0, 0, 1). The
-    /// normal delta of a target is the difference of two such normals. They are computed on the welded surface from the
-    /// position deltas that are kept: they are smooth across doubled vertices, and dropped noise does not come back. A
-    /// vertex whose deformed surface has no normal (faces folded to nothing) keeps the base normal.
+impl Mesh {
+    /// The mesh that [`pack`](Self::pack) packs: checked, without deltas within `tolerance`, and with all normals.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for: no vertex or more than 2³² − 1; an index out of range; deltas that are not ascending by
-    /// vertex; a value that is not finite; a face of fewer than three corners; a base normal or tangent that is not of
-    /// unit length (within 1%); a tangent whose w is not 1 or -1; a stream that comes twice or with a wrong number of
-    /// values; welded vertices that are not at one position; two targets of one name; a tolerance that is negative or
-    /// not finite.
-    pub fn to_mesh(&self, tolerance: Tolerance) -> Result<MorphMesh> {
+    /// Those of [`pack`](Self::pack) that no [`PackDesc`](crate::PackDesc) avoids.
+    #[doc(hidden)]
+    pub fn kept(&self, tolerance: Tolerance) -> Result<KeptMesh> {
         self.check(tolerance)?;
         // Faces of the welded surface: copies have no faces, and take the normals of the vertex that they double.
         let mut copies: Vec<(u32, u32)> = copies(&self.welds).collect();
@@ -57,7 +41,7 @@ impl MorphSource {
         let shortest = f64::from(tolerance.position) * f64::from(diagonal);
 
         let still = StreamDeltas::default();
-        let keep = |deformer: &mut Option<Deformer<'_>>, target: &SourceTarget| {
+        let keep = |deformer: &mut Option<Deformer<'_>>, target: &MorphTarget| {
             let positions: Vec<(u32, Vec3)> =
                 target.positions.iter().copied().filter(|(_, d)| d.as_dvec3().length() > shortest).collect();
             let normals = target.normals.clone().unwrap_or_else(|| {
@@ -68,7 +52,7 @@ impl MorphSource {
             let stated = target.streams.iter().chain(std::iter::repeat(&still));
             let kept = |(data, deltas): (&StreamData, _)| keep_stream(data.semantic, deltas, tolerance);
             let streams = self.streams.iter().zip(stated).map(kept).collect();
-            MorphTarget { streams, ..merge(target.name.nfc().collect(), &positions, &normals, tolerance.normal) }
+            KeptTarget { streams, ..merge(composed(&target.name), &positions, &normals, tolerance.normal) }
         };
         let targets = map_all(&self.targets, surface.as_ref().map(Deformer::new), keep);
         let normals = self.normals.clone().unwrap_or_else(|| {
@@ -78,7 +62,7 @@ impl MorphSource {
         });
         let mut notes = self.notes.clone();
         notes.extend(self.emptied(&targets, shortest));
-        Ok(MorphMesh {
+        Ok(KeptMesh {
             name: self.name.clone(),
             positions: self.positions.clone(),
             origin: self.origin,
@@ -95,16 +79,16 @@ impl MorphSource {
     }
 
     /// Notes that name the targets of which the tolerance, a length, left nothing, and those that state nothing.
-    fn emptied(&self, kept: &[MorphTarget], shortest: f64) -> impl Iterator<Item = String> {
-        let states = |target: &SourceTarget| {
+    fn emptied(&self, kept: &[KeptTarget], shortest: f64) -> impl Iterator<Item = String> {
+        let states = |target: &MorphTarget| {
             let normals = target.normals.as_ref().is_some_and(|normals| !normals.is_empty());
             normals || !target.positions.is_empty() || target.streams.iter().any(|deltas| !deltas.vertices.is_empty())
         };
-        let is_empty = |target: &MorphTarget| {
+        let is_empty = |target: &KeptTarget| {
             target.vertices.is_empty() && target.streams.iter().all(|deltas| deltas.vertices.is_empty())
         };
         let note = |stated: bool, why: String| {
-            let is_named = |(source, kept): &(&SourceTarget, &MorphTarget)| states(source) == stated && is_empty(kept);
+            let is_named = |(source, kept): &(&MorphTarget, &KeptTarget)| states(source) == stated && is_empty(kept);
             let mut named = self.targets.iter().zip(kept).filter(is_named);
             let first = &named.next()?.0.name;
             let more = named.count();
@@ -116,7 +100,7 @@ impl MorphSource {
         within.into_iter().chain(note(false, "equal to the base pose, moves nothing".to_owned()))
     }
 
-    /// Checks everything that [`to_mesh`](Self::to_mesh) refuses.
+    /// Checks everything that [`pack`](Self::pack) refuses.
     pub(super) fn check(&self, tolerance: Tolerance) -> Result<()> {
         for (kind, value) in [("position", tolerance.position), ("normal", tolerance.normal)] {
             let what = format!("the {kind} tolerance is {value}");
@@ -124,6 +108,8 @@ impl MorphSource {
         }
         let count = self.positions.len();
         ensure!(count > 0, self.refuse("the base pose has no vertex", "give a mesh with at least one vertex"));
+        let what = format!("an origin of {}", self.origin);
+        ensure!(self.origin.is_finite(), self.refuse(what, NOT_FINITE));
         // Corners as well, since adjacency counts them in 32 bits.
         let are_few = u32::try_from(count.max(self.faces.corners.len())).is_ok();
         ensure!(are_few, self.refuse("more than 4,294,967,295 vertices or face corners", "split the mesh"));
@@ -150,7 +136,7 @@ impl MorphSource {
         }
         let mut names = HashMap::new();
         for (i, target) in self.targets.iter().enumerate() {
-            if let Some(first) = names.insert(target.name.nfc().collect::<String>(), i) {
+            if let Some(first) = names.insert(composed(&target.name), i) {
                 let what = format!("targets {first} and {i} are both called '{}'", target.name);
                 return Err(self.refuse(what, "rename one of them"));
             }
@@ -169,7 +155,7 @@ impl MorphSource {
         Error::invalid(format!("{}: {what}", self.name), remedy)
     }
 
-    fn check_target(&self, target: &SourceTarget) -> Result<()> {
+    fn check_target(&self, target: &MorphTarget) -> Result<()> {
         let refuse = |what: String, remedy: &str| self.refuse(format!("target '{}' {what}", target.name), remedy);
         let vectors = |(v, d): &(u32, Vec3)| (*v, d.to_array());
         let name = Some(target.name.as_str());
@@ -233,8 +219,8 @@ impl MorphSource {
 
 /// Joins position deltas (all of them are kept) with the normal deltas that are kept: those of vertices that stay for
 /// their position, and those longer than `shortest`.
-fn merge(name: String, positions: &[(u32, Vec3)], normals: &[(u32, Vec3)], shortest: f32) -> MorphTarget {
-    let mut target = MorphTarget { name, ..Default::default() };
+fn merge(name: String, positions: &[(u32, Vec3)], normals: &[(u32, Vec3)], shortest: f32) -> KeptTarget {
+    let mut target = KeptTarget { name, ..Default::default() };
     let mut p = positions.iter().peekable();
     let mut n = normals.iter().peekable();
     while let Some(v) = p.peek().into_iter().chain(n.peek()).map(|e| e.0).min() {

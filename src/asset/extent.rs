@@ -5,7 +5,7 @@
 //! moves do not count. Parts near a larger one belong to it, as eyes and teeth to a face. The length is the diagonal of
 //! the box around the smallest such group.
 
-use super::{Faces, SourceTarget};
+use super::{Faces, MorphTarget};
 use crate::math::diagonal;
 use glam::Vec3;
 use std::collections::{BTreeMap, HashMap};
@@ -58,7 +58,7 @@ impl Sets {
 }
 
 /// Bounding boxes of the parts that a target moves.
-fn moving_parts(positions: &[Vec3], faces: &Faces, targets: &[SourceTarget]) -> Vec<Bounds> {
+fn moving_parts(positions: &[Vec3], faces: &Faces, targets: &[MorphTarget]) -> Vec<Bounds> {
     let deltas = || targets.iter().flat_map(|target| &target.positions);
     let longest = deltas().map(|(_, delta)| delta.as_dvec3().length()).fold(0.0, f64::max);
     if longest == 0.0 {
@@ -97,7 +97,7 @@ fn moving_parts(positions: &[Vec3], faces: &Faces, targets: &[SourceTarget]) -> 
 
 /// The length that sizes of a mesh are fractions of, in input units: that of its smallest group of moving parts, or of
 /// its whole bounding box if none moves or none has an extent. 0 if all vertices are at one position.
-pub(super) fn extent(positions: &[Vec3], faces: &Faces, targets: &[SourceTarget]) -> f32 {
+pub(super) fn extent(positions: &[Vec3], faces: &Faces, targets: &[MorphTarget]) -> f32 {
     let mut parts = moving_parts(positions, faces, targets);
     // Without faces no part has an extent: all that moves is one.
     if faces.corners.is_empty() {
@@ -120,26 +120,26 @@ pub(super) fn extent(positions: &[Vec3], faces: &Faces, targets: &[SourceTarget]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::{Corner, MorphSource, Tolerance};
+    use crate::asset::{Corner, Mesh, Tolerance};
 
     /// Squares of unit side in the plane z = 0 at these corners, each with faces of its own. A target moves the first
     /// vertex of each of those `moved` by 0.01, and another, which is not kept, by 1e-9.
-    fn squares(places: &[[f32; 2]], moved: &[usize]) -> MorphSource {
+    fn squares(places: &[[f32; 2]], moved: &[usize]) -> Mesh {
         let vertex = |[x, y]: &[f32; 2], [dx, dy]: [f32; 2]| Vec3::new(x + dx, y + dy, 0.0);
         let square = |place: &[f32; 2]| [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|to| vertex(place, to));
         let positions: Vec<Vec3> = places.iter().flat_map(square).collect();
         let corners = (0..positions.len() as u32).map(|position| Corner { position, texcoord: None }).collect();
-        let target = |name: &str, length: f32| SourceTarget {
+        let target = |name: &str, length: f32| MorphTarget {
             name: name.into(),
             positions: moved.iter().map(|square| (4 * *square as u32, Vec3::Z * length)).collect(),
-            ..SourceTarget::default()
+            ..MorphTarget::default()
         };
-        MorphSource {
+        Mesh {
             name: "squares".into(),
             faces: Faces { sizes: vec![4; places.len()], corners },
             positions,
             targets: vec![target("large", 0.01), target("noise", 1e-9)],
-            ..MorphSource::default()
+            ..Mesh::default()
         }
     }
 
@@ -157,7 +157,7 @@ mod tests {
             ("none moves", squares(&[[0.0, 0.0], [1.0, 0.0]], &[]), 5f32.sqrt()),
             (
                 "no faces",
-                MorphSource { faces: Faces::default(), ..squares(&[[0.0, 0.0], [2.0, 0.0], [1e4, 0.0]], &[0, 1]) },
+                Mesh { faces: Faces::default(), ..squares(&[[0.0, 0.0], [2.0, 0.0], [1e4, 0.0]], &[0, 1]) },
                 2.0,
             ),
         ] {
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn targets_that_the_tolerance_empties_are_named() {
-        let mesh = squares(&[[0.0, 0.0]], &[0]).to_mesh(Tolerance { normal: 1e-3, ..Default::default() }).unwrap();
+        let mesh = squares(&[[0.0, 0.0]], &[0]).kept(Tolerance { normal: 1e-3, ..Default::default() }).unwrap();
         let [large, noise] = [0, 1].map(|target: usize| mesh.targets[target].vertices.len());
         assert!(large > 0 && noise == 0 && mesh.notes.len() == 1, "{large}, {noise}, {:?}", mesh.notes);
         assert!(mesh.notes[0].contains("'noise'") && mesh.notes[0].contains("left empty"), "{:?}", mesh.notes);

@@ -3,8 +3,8 @@
 use super::{Semantic, StreamData, StreamDeltas};
 use crate::error::{Error, Result, ensure};
 use crate::math::far_middle;
+use crate::names::composed;
 use glam::{Vec2, Vec3};
-use unicode_normalization::UnicodeNormalization;
 
 /// One corner of a face: indices into positions and texture coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +52,7 @@ impl Faces {
 
 /// A morph target as a file states it.
 #[derive(Clone, Debug, Default)]
-pub struct SourceTarget {
+pub struct MorphTarget {
     /// Name, unique within the source.
     pub name: String,
     /// `(vertex, target − base)` for every vertex whose position differs at all, ascending by vertex.
@@ -60,20 +60,20 @@ pub struct SourceTarget {
     /// `(vertex, target normal − base normal)`, ascending by vertex, as stated by the file (not re-normalised). `None`
     /// if the file states none: they are computed from the deformed surface.
     pub normals: Option<Vec<(u32, Vec3)>>,
-    /// Deltas of the source's [`streams`](MorphSource::streams), in their order; streams beyond the end do not change.
+    /// Deltas of the source's [`streams`](Mesh::streams), in their order; streams beyond the end do not change.
     pub streams: Vec<StreamDeltas>,
 }
 
 /// A base pose and its targets exactly as the input states them: no tolerance applied, no normal computed.
 #[derive(Clone, Debug, Default)]
-pub struct MorphSource {
+pub struct Mesh {
     /// Name for messages and reports (a folder's or file's stem).
     pub name: String,
     /// Base positions, in the user's vertex order.
     pub positions: Vec<Vec3>,
     /// The offset that was subtracted from positions, in input units: 0 unless single precision cannot hold them.
     pub origin: Vec3,
-    /// Base normals per position, unit length. `None` if the input has none: [`to_mesh`](Self::to_mesh) computes them.
+    /// Base normals per position, unit length. `None` if the input has none: [`pack`](Self::pack) computes them.
     pub normals: Option<Vec<Vec3>>,
     /// Texture coordinates, indexed by [`Corner::texcoord`](super::Corner::texcoord).
     pub texcoords: Vec<Vec2>,
@@ -86,7 +86,7 @@ pub struct MorphSource {
     /// [`split`](Self::split) and [`weld`](Self::weld).
     pub welds: Vec<u32>,
     /// The targets; an empty target keeps its index.
-    pub targets: Vec<SourceTarget>,
+    pub targets: Vec<MorphTarget>,
     /// Remarks of the importer that a person should see (e.g. hard edges averaged).
     pub notes: Vec<String>,
 }
@@ -96,7 +96,7 @@ pub struct MorphSource {
 /// Deltas of other streams are compared with `normal` if they are directions (tangents), otherwise with `position`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Length of a position delta, as a fraction of [`MorphMesh::diagonal`] (≥ 0).
+    /// Length of a position delta, as a fraction of [`PackedLayout::diagonal`](crate::PackedLayout::diagonal) (≥ 0).
     pub position: f32,
     /// Length of a normal delta (≥ 0; 0.001 is about 0.06°).
     pub normal: f32,
@@ -121,7 +121,7 @@ impl Default for Tolerance {
 
 /// One morph target: the vertices it moves and their deltas.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct MorphTarget {
+pub struct KeptTarget {
     /// Name, unique within the mesh.
     pub name: String,
     /// Vertices with a delta, ascending, without repeats.
@@ -130,12 +130,12 @@ pub struct MorphTarget {
     pub positions: Vec<Vec3>,
     /// Normal delta of each of `vertices`.
     pub normals: Vec<Vec3>,
-    /// Deltas of each of the mesh's [`streams`](MorphMesh::streams).
+    /// Deltas of each of the mesh's [`streams`](KeptMesh::streams).
     pub streams: Vec<StreamDeltas>,
 }
 
 #[allow(clippy::wildcard_enum_match_arm, reason = "any other stream is kept like any other")]
-impl MorphTarget {
+impl KeptTarget {
     /// Add what is changed of a stream. Positions and normals are of the same vertices.
     pub(crate) fn push(&mut self, semantic: Semantic, vertices: Vec<u32>, deltas: Vec<f32>) {
         match semantic {
@@ -152,12 +152,12 @@ fn vectors(numbers: &[f32]) -> Vec<Vec3> {
 
 /// Base pose and morph targets, ready to pack: normals present, noise dropped, everything finite.
 #[derive(Clone, Debug, Default)]
-pub struct MorphMesh {
+pub struct KeptMesh {
     /// Name for messages and reports.
     pub name: String,
     /// Base positions, in the user's vertex order, relative to `origin`.
     pub positions: Vec<Vec3>,
-    /// The offset that was subtracted from positions, in input units: [`MorphSource::origin`], and what
+    /// The offset that was subtracted from positions, in input units: [`Mesh::origin`], and what
     /// [`recentre`](Self::recentre) adds.
     pub origin: Vec3,
     /// Base normals, unit length.
@@ -168,14 +168,11 @@ pub struct MorphMesh {
     pub faces: Faces,
     /// Other vertex attributes: tangents, colours, texture coordinates that morph.
     pub streams: Vec<StreamData>,
-    /// For each vertex the first one at its position, or empty: see [`MorphSource::welds`](super::MorphSource::welds).
+    /// For each vertex the first one at its position, or empty: see [`Mesh::welds`](super::Mesh::welds).
     pub welds: Vec<u32>,
     /// The targets, in the order of the source.
-    pub targets: Vec<MorphTarget>,
-    /// The length that tolerances and errors are fractions of, in input units: the bounding-box diagonal of the base
-    /// pose, or of the smallest part of it that targets move, if there are several far apart. A part is connected by
-    /// faces, with what lies within half its size of it. What no target moves does not count: a floor, a vertex far
-    /// off.
+    pub targets: Vec<KeptTarget>,
+    /// [`PackedLayout::diagonal`](crate::PackedLayout::diagonal).
     pub diagonal: f32,
     /// The tolerance that was applied.
     pub tolerance: Tolerance,
@@ -184,7 +181,7 @@ pub struct MorphMesh {
 }
 
 #[allow(clippy::wildcard_enum_match_arm, reason = "any other stream is kept like any other")]
-impl MorphMesh {
+impl KeptMesh {
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
         self.positions.len()
@@ -200,7 +197,7 @@ impl MorphMesh {
     }
 
     /// The deltas of a target in a stream: its vertices, and the components of each.
-    pub(crate) fn deltas<'a>(&self, target: &'a MorphTarget, semantic: Semantic) -> (&'a [u32], &'a [f32]) {
+    pub(crate) fn deltas<'a>(&self, target: &'a KeptTarget, semantic: Semantic) -> (&'a [u32], &'a [f32]) {
         match semantic {
             Semantic::Position => (&target.vertices, bytemuck::cast_slice(&target.positions)),
             Semantic::Normal => (&target.vertices, bytemuck::cast_slice(&target.normals)),
@@ -227,15 +224,10 @@ impl MorphMesh {
 
     /// Returns the index of the target called `name`, in any Unicode form.
     pub fn target_index(&self, name: &str) -> Option<usize> {
-        self.targets.iter().position(|t| t.name == name || t.name.nfc().eq(name.nfc()))
+        self.targets.iter().position(|t| t.name == name || composed(&t.name) == composed(name))
     }
 
-    /// Makes positions relative to the middle of the mesh if it is far from 0. Poses gain precision, since the rounding
-    /// of float32 grows with a coordinate. On each axis whose largest coordinate is at least twice the diagonal,
-    /// `origin` becomes the middle of the bounding box and is subtracted from positions, without rounding. Other axes
-    /// stay as they are.
-    ///
-    /// The renderer adds [`PackedLayout::origin`](crate::PackedLayout::origin) back in the model matrix.
+    /// [`PackedMesh::recentre`](crate::PackedMesh::recentre), before the mesh is packed.
     pub fn recentre(&mut self) {
         let middle = far_middle(self.positions.iter().copied());
         self.positions.iter_mut().for_each(|p| *p -= middle);

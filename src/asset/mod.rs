@@ -1,4 +1,4 @@
-//! Meshes: as their files state them ([`MorphSource`]), and reduced to what is packed ([`MorphMesh`]).
+//! Meshes: as their files state them ([`Mesh`]), and reduced to what is packed ([`KeptMesh`]).
 
 mod arrays;
 mod build;
@@ -10,7 +10,7 @@ pub mod streams;
 mod triangles;
 
 pub use arrays::{MeshArrays, TargetArrays};
-pub use mesh::{Corner, Faces, MorphMesh, MorphSource, MorphTarget, SourceTarget, Tolerance};
+pub use mesh::{Corner, Faces, KeptMesh, KeptTarget, Mesh, MorphTarget, Tolerance};
 pub use render::RenderVertices;
 pub(crate) use render::check_welds;
 pub use streams::{Measure, Semantic, StreamData, StreamDeltas, StreamPlace};

@@ -159,7 +159,7 @@ mod tests {
         assert_eq!((normals[2], normals[3], normals[4]), (Vec3::Z, Vec3::NEG_Y, Vec3::Z));
     }
 
-    /// The rule of [`MorphSource::to_mesh`](crate::MorphSource::to_mesh), for hosts that compare their own normals.
+    /// The rule of [`Mesh::pack`](crate::Mesh::pack), for hosts that compare their own normals.
     #[test]
     fn a_polygon_counts_with_its_whole_area_at_each_corner() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 1.0), Vec3::Y];

@@ -1,11 +1,11 @@
 //! Vertices as they are drawn: an index buffer has one index per corner, so a position is doubled if the texture
 //! coordinates of its corners differ (a seam).
 //!
-//! A host that draws poses straight from an index buffer takes a source that is [`split`](MorphSource::split). A host
+//! A host that draws poses straight from an index buffer takes a source that is [`split`](Mesh::split). A host
 //! whose shader pulls vertices keeps the source, updates fewer vertices, and looks up the pose vertex of each of the
 //! [`RenderVertices`]. Either way normals, tangents and deltas belong to a position: no crack opens at a seam.
 
-use super::{Faces, MorphSource, StreamData, StreamDeltas};
+use super::{Faces, Mesh, StreamData, StreamDeltas};
 use crate::error::{Result, ensure};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
@@ -32,6 +32,7 @@ impl Faces {
     /// # Errors
     /// [`Error::Invalid`](crate::Error::Invalid) for a face of fewer than three corners, or an index that is out of
     /// range.
+    #[doc(hidden)]
     pub fn render_vertices(&self, positions: &[Vec3], texcoords: &[Vec2]) -> Result<RenderVertices> {
         self.check(positions.len(), texcoords.len())?;
         let (render, faces) = self.split(positions.len(), texcoords);
@@ -64,7 +65,7 @@ impl Faces {
     }
 }
 
-impl MorphSource {
+impl Mesh {
     /// Returns the source with render vertices as vertices: a vertex is doubled if its corners have different texture
     /// coordinates, and every corner of a face names the vertex to draw.
     ///
@@ -77,7 +78,7 @@ impl MorphSource {
     /// one position lie in two blocks; they may then differ by the error of the block format.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) if the source is not valid; [`to_mesh`](Self::to_mesh) lists the
+    /// [`Error::Invalid`](crate::Error::Invalid) if the source is not valid; [`pack`](Self::pack) lists the
     /// cases.
     pub fn split(&self) -> Result<Self> {
         self.check(super::Tolerance::ZERO)?;
@@ -115,7 +116,7 @@ impl MorphSource {
     /// vertices, as engines and glTF hold them. Only [`Self::welds`] changes.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) if the source is not valid; [`to_mesh`](Self::to_mesh) lists the
+    /// [`Error::Invalid`](crate::Error::Invalid) if the source is not valid; [`pack`](Self::pack) lists the
     /// cases.
     pub fn weld(&mut self) -> Result<()> {
         self.check(super::Tolerance::ZERO)?;

@@ -1,11 +1,11 @@
 use super::*;
-use crate::asset::{Corner, MeshArrays, MorphMesh, Semantic, SourceTarget, TargetArrays, Tolerance};
+use crate::asset::{Corner, KeptMesh, MeshArrays, MorphTarget, Semantic, TargetArrays, Tolerance};
 
 /// A strip of two quads, folded along the edge 1-4, with a seam in the texture coordinates there.
-fn fold() -> MorphSource {
+fn fold() -> Mesh {
     let corner = |(position, t): (u32, u32)| Corner { position, texcoord: Some(t) };
     let corners = [(0, 0), (1, 1), (4, 2), (3, 3), (1, 0), (2, 1), (5, 2), (4, 4)];
-    MorphSource {
+    Mesh {
         name: "fold".into(),
         positions: [[0, 0, 0], [1, 0, 1], [2, 0, 0], [0, 1, 0], [1, 1, 1], [2, 1, 0]]
             .map(|p: [i32; 3]| Vec3::from(p.map(|x| x as f32)))
@@ -13,7 +13,7 @@ fn fold() -> MorphSource {
         texcoords: [[0, 0], [1, 0], [1, 1], [0, 1], [1, 1]].map(|t: [i32; 2]| Vec2::from(t.map(|x| x as f32))).to_vec(),
         faces: Faces { sizes: vec![4, 4], corners: corners.map(corner).to_vec() },
         streams: vec![StreamData { semantic: Semantic::Tangent, values: [0.0, 1.0, 0.0, -1.0].repeat(6) }],
-        targets: vec![SourceTarget {
+        targets: vec![MorphTarget {
             name: "up".into(),
             positions: vec![(1, Vec3::Z), (4, Vec3::new(0.1, 0.2, 0.3))],
             normals: None,
@@ -40,7 +40,7 @@ fn a_vertex_is_doubled_where_texture_coordinates_differ_by_value() {
 #[test]
 fn a_split_mesh_is_the_welded_one_bit_for_bit() {
     // All that a mesh says of a vertex.
-    let vertex = |mesh: &MorphMesh, v: usize| {
+    let vertex = |mesh: &KeptMesh, v: usize| {
         let (target, at) = (&mesh.targets[0], |vertices: &[u32]| vertices.binary_search(&(v as u32)).ok());
         let moved = at(&target.vertices).map(|i| (target.positions[i], target.normals[i]));
         let tangents = &target.streams[0];
@@ -53,8 +53,8 @@ fn a_split_mesh_is_the_welded_one_bit_for_bit() {
             source.normals = Some(vec![Vec3::Z; 6]);
             source.targets[0].normals = Some(vec![(1, Vec3::X)]);
         }
-        let whole = source.to_mesh(Tolerance::default()).unwrap();
-        let split = source.split().unwrap().to_mesh(Tolerance::default()).unwrap();
+        let whole = source.kept(Tolerance::default()).unwrap();
+        let split = source.split().unwrap().kept(Tolerance::default()).unwrap();
         // Vertex 6 doubles vertex 1; the texture coordinates are the file's, as it lists them.
         assert_eq!((&split.welds[..], split.positions.len()), (&[0, 1, 2, 3, 4, 5, 1][..], 7));
         assert_eq!(split.texcoords, source.texcoords);
@@ -76,13 +76,13 @@ fn doubled_vertices_of_arrays_are_found_by_where_they_are_and_move() {
     let targets = [TargetArrays { name: "up", positions: &moved, ..Default::default() }];
     let indices = &[0, 1, 3, 0, 3, 2, 4, 5, 7, 4, 7, 6];
     let arrays = MeshArrays { positions: &positions, indices, targets: &targets, ..Default::default() };
-    let mut source = MorphSource::from_arrays(&arrays).unwrap();
-    let cracked = source.to_mesh(Tolerance::default()).unwrap();
+    let mut source = Mesh::from_arrays(&arrays).unwrap();
+    let cracked = source.kept(Tolerance::default()).unwrap();
     assert_ne!(cracked.normals[1], cracked.normals[4]);
     source.weld().unwrap();
     // Vertices 3 and 6 are at one position, but only one of them moves.
     assert_eq!(source.welds, [0, 1, 2, 3, 1, 5, 6, 7]);
-    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    let mesh = source.kept(Tolerance::default()).unwrap();
     assert_eq!(mesh.normals[1], mesh.normals[4]);
     let target = &mesh.targets[0];
     let delta = |v| target.normals[target.vertices.iter().position(|x| *x == v).unwrap()];
@@ -102,7 +102,7 @@ fn arrays_may_hold_differences_or_the_target_itself() {
     let deltas = [TargetArrays { name: "", positions: &by, normals: &turn, tangents: &twist }];
     let places = [TargetArrays { name: "", positions: &[[1.5, 2.0, 2.0]], normals: &up, tangents: &z }];
     let [a, b] = [(&deltas, false), (&places, true)].map(|(targets, absolute)| {
-        MorphSource::from_arrays(&MeshArrays { targets, absolute, ..base }).unwrap().to_mesh(Tolerance::ZERO).unwrap()
+        Mesh::from_arrays(&MeshArrays { targets, absolute, ..base }).unwrap().kept(Tolerance::ZERO).unwrap()
     });
     assert_eq!(a.targets, b.targets);
     assert_eq!(a.targets[0].name, "target 0");
@@ -114,13 +114,13 @@ fn arrays_may_hold_differences_or_the_target_itself() {
         (MeshArrays { targets: &jaw, ..base }, "target 'jaw' has 2 positions, but the base pose has 1"),
         (MeshArrays { indices: &[0], ..base }, "1 indices"),
     ] {
-        crate::testing::says(MorphSource::from_arrays(&arrays), &[expected]);
+        crate::testing::says(Mesh::from_arrays(&arrays), &[expected]);
     }
 }
 
 #[test]
 fn streams_and_welds_that_do_not_fit_are_named() {
-    type Case<'a> = (&'a dyn Fn(&mut MorphSource), &'a str);
+    type Case<'a> = (&'a dyn Fn(&mut Mesh), &'a str);
     let cases: [Case<'_>; 14] = [
         (&|s| s.streams[0].values.truncate(20), "stream 'tangent': 20 numbers for 6 vertices; give 4"),
         (&|s| s.streams[0].values[9] = f32::NAN, "the tangent of vertex 2 is [0.0, NaN, 0.0, -1.0]; replace"),
@@ -140,7 +140,7 @@ fn streams_and_welds_that_do_not_fit_are_named() {
     for (change, expected) in cases {
         let mut source = fold();
         change(&mut source);
-        let message = source.to_mesh(Tolerance::default()).unwrap_err().to_string();
+        let message = source.kept(Tolerance::default()).unwrap_err().to_string();
         assert!(message.starts_with("fold: ") && message.contains(expected), "{message}");
     }
 }
@@ -150,8 +150,8 @@ fn noise_in_a_stream_is_dropped_and_a_stream_without_deltas_stays() {
     let mut source = fold();
     source.targets[0].streams[0].deltas[3..].fill(1e-4);
     source.streams.push(StreamData { semantic: Semantic::Color(0), values: vec![0.5; 24] });
-    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    let mesh = source.kept(Tolerance::default()).unwrap();
     assert_eq!(mesh.targets[0].streams[0].vertices, [1]);
     assert_eq!((mesh.streams.len(), &mesh.targets[0].streams[1]), (2, &StreamDeltas::default()));
-    assert_eq!(source.to_mesh(Tolerance::ZERO).unwrap().targets[0].streams[0].vertices, [1, 2]);
+    assert_eq!(source.kept(Tolerance::ZERO).unwrap().targets[0].streams[0].vertices, [1, 2]);
 }

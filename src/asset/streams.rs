@@ -49,6 +49,7 @@ macro_rules! semantics {
             }
 
             /// The stream with this number in packed files: the kind of stream, and the set × 256.
+            #[doc(hidden)]
             pub fn from_id(id: u32) -> Option<Self> {
                 let semantic = match id & 0xff {
                     $($id => Self::$name $(((id >> 8) as $type))?,)*
@@ -97,6 +98,7 @@ semantics! {
 
 /// How the error of a stream is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[doc(hidden)]
 #[non_exhaustive]
 pub enum Measure {
     /// Distance in input units. Error budgets and drift bounds are lengths, too.
@@ -119,6 +121,7 @@ impl Semantic {
     }
 
     /// Returns how errors are measured.
+    #[doc(hidden)]
     pub const fn measure(self) -> Measure {
         self.properties().2
     }

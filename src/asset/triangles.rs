@@ -2,15 +2,13 @@
 
 use super::{Corner, Faces};
 use crate::asset::normals::area_vector;
-use earcut::Earcut;
 use glam::{DVec2, Vec3};
-use std::collections::BTreeSet;
 
-/// Part of a polygon's area that a triangle of its fan may be turned over by: rounding of corners on one line.
+/// Part of a polygon's area that a triangle may be turned over by: rounding of corners on one line.
 const ROUNDING: f64 = 1e-6;
 
-/// Most corners of a polygon that is cut in its plane. The time grows with their square where they repeat or cross: a
-/// file of 100 kB could take minutes.
+/// Most corners of a polygon that is cut in its plane. The time may grow with their cube: a file of 100 kB could take
+/// minutes.
 pub(crate) const CUT_MOST: usize = 512;
 
 /// Cubes of corners of the polygons that are cut in a mesh altogether: four that take long.
@@ -25,12 +23,11 @@ impl Faces {
     /// # Panics
     /// A face of four corners or more names a position that there is not.
     pub fn triangles(&self, positions: &[Vec3]) -> Vec<[u32; 3]> {
-        let mut earcut = Earcut::new();
         let mut left = CUT_ALL;
         let mut triangles = Vec::with_capacity(self.corners.len());
         for face in self.iter() {
             let is_cut = (4..=CUT_MOST).contains(&face.len());
-            let cut = if is_cut { cut(face, positions, &mut earcut, &mut left) } else { None };
+            let cut = if is_cut { cut(face, positions, &mut left) } else { None };
             let cut = cut.unwrap_or_else(|| (2..face.len() as u32).map(|i| [0, i - 1, i]).collect());
             triangles.extend(cut.into_iter().map(|triangle| triangle.map(|i| face[i as usize].position)));
         }
@@ -38,57 +35,45 @@ impl Faces {
     }
 }
 
-/// Cuts a polygon whose fan does not cover it; returns indices of corners.
-fn cut(face: &[Corner], positions: &[Vec3], earcut: &mut Earcut<f64>, left: &mut usize) -> Option<Vec<[u32; 3]>> {
+/// Cuts a polygon whose fan does not cover it; returns indices of corners. `None` where it crosses itself.
+fn cut(face: &[Corner], positions: &[Vec3], left: &mut usize) -> Option<Vec<[u32; 3]>> {
     let place = |corner: &Corner| positions[corner.position as usize].as_dvec3();
     let (x, y) = area_vector(face, positions).try_normalize()?.any_orthonormal_pair();
     let flat = face.iter().map(|corner| place(corner) - place(&face[0]));
-    let flat: Vec<[f64; 2]> = flat.map(|corner| [corner.dot(x), corner.dot(y)]).collect();
-    let area = |[a, b, c]: [u32; 3]| {
-        let [a, b, c] = [a, b, c].map(|i| DVec2::from_array(flat[i as usize]));
-        (b - a).perp_dot(c - a)
-    };
-    let fan: Vec<f64> = (2..face.len() as u32).map(|i| area([0, i - 1, i])).collect();
-    let least = -ROUNDING * fan.iter().sum::<f64>();
-    if fan.iter().all(|area| *area >= least) {
+    let flat: Vec<DVec2> = flat.map(|corner| DVec2::new(corner.dot(x), corner.dot(y))).collect();
+    let corners = face.len() as u32;
+    let fan = (2..corners).map(|i| area(&flat, [0, i - 1, i]));
+    let least = -ROUNDING * fan.clone().sum::<f64>();
+    if fan.clone().all(|area| area >= least) {
         return None;
     }
     *left = left.checked_sub(face.len().pow(3))?;
-    let mut indices = vec![];
-    earcut.earcut_slice(&flat, &[], &mut indices);
-    let mut triangles = indices.as_chunks::<3>().0.to_vec();
-    // All turn the same way; the area of one that lies on a line may have either sign.
-    if triangles.iter().map(|triangle| area(*triangle)).sum::<f64>() < 0.0 {
-        triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    let mut rest: Vec<u32> = (0..corners).collect();
+    let mut triangles = vec![];
+    while rest.len() > 3 {
+        let count = rest.len();
+        let at = |i: usize| [rest[(i + count - 1) % count], rest[i], rest[(i + 1) % count]];
+        let is_ear = |i: &usize| area(&flat, at(*i)) > -least && !rest.iter().any(|v| holds(&flat, at(*i), *v));
+        // Corners on one line are cut last: their triangles have no area until a target bends that line.
+        let is_flat = |i: &usize| area(&flat, at(*i)).abs() <= -least;
+        let ear = (0..count).find(is_ear).or_else(|| (0..count).find(is_flat))?;
+        triangles.push(at(ear));
+        rest.remove(ear);
     }
-    close(face.len() as u32, &mut triangles);
-    // A polygon that crosses itself may come out with more or fewer.
-    (triangles.len() == fan.len()).then_some(triangles)
+    triangles.push([rest[0], rest[1], rest[2]]);
+    triangles.iter().all(|triangle| area(&flat, *triangle) >= least).then_some(triangles)
 }
 
-/// Adds triangles until the edges of a polygon are those of its triangles. What earcut leaves out lies on a line, and
-/// has no area until a target bends that line.
-fn close(corners: u32, triangles: &mut Vec<[u32; 3]>) {
-    if triangles.len() as u32 == corners.saturating_sub(2) {
-        return;
-    }
-    let mut open: BTreeSet<(u32, u32)> = (0..corners).map(|i| (i, (i + 1) % corners)).collect();
-    for (from, to) in triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]) {
-        if !open.remove(&(from, to)) {
-            open.insert((to, from));
-        }
-    }
-    // Loops: each edge that is left is followed by another.
-    while let Some((first, mut at)) = open.pop_first() {
-        while let Some(&edge) = open.range((at, 0)..=(at, corners)).next() {
-            open.remove(&edge);
-            if edge.1 == first {
-                break;
-            }
-            triangles.push([first, at, edge.1]);
-            at = edge.1;
-        }
-    }
+/// Twice the area of a triangle; negative where it turns to the right.
+fn area(flat: &[DVec2], [a, b, c]: [u32; 3]) -> f64 {
+    let [a, b, c] = [a, b, c].map(|i| flat[i as usize]);
+    (b - a).perp_dot(c - a)
+}
+
+/// Whether a triangle that turns to the left holds a corner at another place than its own.
+fn holds(flat: &[DVec2], [a, b, c]: [u32; 3], corner: u32) -> bool {
+    let is_other = [a, b, c].iter().all(|own| flat[*own as usize] != flat[corner as usize]);
+    is_other && [[a, b, corner], [b, c, corner], [c, a, corner]].iter().all(|side| area(flat, *side) >= 0.0)
 }
 
 #[cfg(test)]

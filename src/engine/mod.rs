@@ -24,7 +24,6 @@ use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps};
 use crate::gpu::device::{Device, DeviceDesc};
 use crate::gpu::pipelines::Kernels;
 use crate::gpu::statistics::MemoryStats;
-use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
 use crate::update::Runner;
 use crate::update::animated::{Animated, AnimationDesc, Clips};
@@ -131,7 +130,7 @@ impl MorphEngine {
         let dispatch = u64::from(caps.max_workgroups) * u64::from(WORKGROUP);
         let capture = caps.transform_feedback.map_or(u64::MAX, |f| f.max_buffer_bytes / CAPTURE_STRIDE as u64);
         let max_chunk_vertices = dispatch.min(capture);
-        PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, blocks: BlockDesc::default() }
+        PackDesc { max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, ..PackDesc::new(format) }
     }
 
     /// Bytes that the allocator has allocated from the driver, including unused parts of blocks; of the host's

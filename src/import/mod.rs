@@ -7,29 +7,20 @@ pub mod csv;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 mod kinds;
+#[cfg(feature = "obj")]
+#[doc(hidden)]
 pub mod obj;
-pub mod packed;
 
-use crate::asset::MorphSource;
+use crate::asset::Mesh;
 use crate::error::{Error, Result, ensure, shortened};
 use crate::io::{has_extension, list};
-use crate::pack::file::{self, Asset};
+use crate::pack::PackedMesh;
+use crate::pack::file;
 use crate::weights::WeightClip;
 use std::path::{Path, PathBuf};
 
 /// Frames per second of a clip whose source states no frame rate.
 pub const DEFAULT_FPS: f32 = 30.0;
-
-/// Options of [`open`].
-#[derive(Clone, Debug, Default)]
-pub struct ImportDesc {
-    /// Give each vertex one texture coordinate ([`MorphSource::split`]). Packed files are not changed. `false` by
-    /// default.
-    pub split: bool,
-    /// Leave meshes of a glTF file unposed, for joints to move, as described at `gltf::Gltf::into_mesh`. `false`
-    /// by default.
-    pub unposed: bool,
-}
 
 /// The result of [`open`]: the mesh, and the paths of its clips, which are not read yet.
 #[derive(Debug)]
@@ -38,8 +29,8 @@ pub struct Imported {
     /// The mesh.
     pub mesh: ImportedMesh,
     /// Weight clips that belong to the mesh: read them with [`open_clip`]. For a glTF file, `FILE#NAME` for each
-    /// animation of weights, in the order of the file; for a packed file, `FILE#NAME` for each clip, if the library
-    /// reads clips of any kind (feature `csv` or `gltf`); for a folder, files sorted by name.
+    /// animation of weights, in the order of the file; for a packed file, `FILE#NAME` for each clip; for a folder,
+    /// files sorted by name.
     pub clips: Vec<PathBuf>,
     /// Whether it is an avatar of VRM 0, which looks along −z: pictures of its face are taken from behind.
     pub looks_back: bool,
@@ -49,9 +40,9 @@ pub struct Imported {
 #[derive(Debug)]
 pub enum ImportedMesh {
     /// A mesh as its files state it, not packed.
-    Source(MorphSource),
+    Source(Mesh),
     /// The content of a packed file.
-    Packed(Asset),
+    Packed(PackedMesh),
 }
 
 /// Opens a mesh and the files that belong to it: a folder with `neutral.obj`, `targets/*.obj` and `weights/*.csv`, a
@@ -60,13 +51,13 @@ pub enum ImportedMesh {
 /// Several meshes of a glTF file become one, as described at `gltf::Gltf::into_mesh`.
 ///
 /// ```no_run
-/// use deltamorph::import::{ImportDesc, ImportedMesh, open};
-/// use deltamorph::{PackDesc, PackedMesh, Tolerance};
+/// use deltamorph::import::{ImportedMesh, open};
+/// use deltamorph::PackDesc;
 ///
-/// let imported = open("face.glb".as_ref(), &ImportDesc::default())?;
+/// let imported = open("face.glb".as_ref())?;
 /// let mesh = match imported.mesh {
-///     ImportedMesh::Source(source) => PackedMesh::pack(&source.to_mesh(Tolerance::default())?, &PackDesc::default())?,
-///     ImportedMesh::Packed(asset) => asset.mesh,
+///     ImportedMesh::Source(mesh) => mesh.pack(&PackDesc::default())?,
+///     ImportedMesh::Packed(mesh) => mesh,
 /// };
 /// # let _ = mesh;
 /// # Ok::<(), deltamorph::Error>(())
@@ -74,28 +65,39 @@ pub enum ImportedMesh {
 ///
 /// # Errors
 /// [`Error::Io`] if `path` does not exist or cannot be read; [`Error::Input`] if the format is not known or not built
-/// in, or the content cannot be used; [`Error::Invalid`] if a mesh to split is not valid. The message names the file,
-/// the position in it and the remedy.
-pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
-    let mut imported = if std::fs::metadata(path).map_err(Error::io(path, "read"))?.is_dir() {
-        open_folder(path)?
+/// in, or the content cannot be used. The message names the file, the position in it and the remedy.
+pub fn open(path: &Path) -> Result<Imported> {
+    if std::fs::metadata(path).map_err(Error::io(path, "read"))?.is_dir() {
+        open_folder(path)
     } else if is_packed(path) {
         let bytes = file::bytes(path)?;
         kinds::refuse_others(path, &bytes, "a packed mesh")?;
-        let mesh = ImportedMesh::Packed(Asset::from_bytes(path, &bytes)?);
-        let clips = if HAS_CLIPS { packed::clips_from_bytes(path, &bytes)? } else { vec![] };
-        Imported { mesh, clips: clips.iter().map(|clip| named(path, &clip.name)).collect(), looks_back: false }
+        let mesh = PackedMesh::from_bytes(path, &bytes)?;
+        let clips = mesh.clips.iter().map(|clip| named(path, &clip.name)).collect();
+        Ok(Imported { mesh: ImportedMesh::Packed(mesh), clips, looks_back: false })
     } else if is_gltf(path) {
-        open_gltf(path, desc)?
+        open_gltf(path)
     } else {
         let remedy = "give a folder with neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf, *.vrm), or a file \
                       written by `deltamorph pack` (*.dmorph)";
-        return Err(Error::input(path, "", "a file of a kind that is not read", remedy));
-    };
-    if let (ImportedMesh::Source(source), true) = (&mut imported.mesh, desc.split) {
-        *source = source.split()?;
+        Err(Error::input(path, "", "a file of a kind that is not read", remedy))
     }
-    Ok(imported)
+}
+
+impl Mesh {
+    /// Opens a mesh to pack: a folder of OBJ files or a glTF file, as [`open`] does.
+    ///
+    /// # Errors
+    /// Those of [`open`]; [`Error::Input`] for a packed file, which [`PackedMesh::read`] reads.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        match open(path.as_ref())?.mesh {
+            ImportedMesh::Source(mesh) => Ok(mesh),
+            ImportedMesh::Packed(_) => {
+                let remedy = "read it with PackedMesh::read, or give the files that it was packed from";
+                Err(Error::input(path.as_ref(), "", "a mesh that is packed already", remedy))
+            }
+        }
+    }
 }
 
 /// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`), or
@@ -111,7 +113,7 @@ pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     if is_gltf(&file) {
         return gltf_clip(&file, name.as_deref(), fps);
     }
-    if HAS_CLIPS && is_packed(&file) {
+    if is_packed(&file) {
         return packed_clip(&file, name.as_deref(), fps);
     }
     #[cfg(feature = "csv")]
@@ -119,9 +121,6 @@ pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     #[cfg(not(feature = "csv"))]
     Err(Error::input(path, "", format!("no weight clips are read (fps {fps:?})"), "build with the feature 'csv'"))
 }
-
-/// Whether clips are read at all; else nothing of packed files' clips is linked.
-const HAS_CLIPS: bool = cfg!(any(feature = "csv", feature = "gltf"));
 
 /// `FILE#NAME`.
 fn named(path: &Path, name: &str) -> PathBuf {
@@ -133,6 +132,7 @@ fn named(path: &Path, name: &str) -> PathBuf {
 
 /// Whether the name is that of a glTF file, or of a VRM avatar, which is a GLB file. Texture coordinates of glTF begin
 /// at the top left, those of OBJ at the bottom left.
+#[doc(hidden)]
 pub fn is_gltf(path: &Path) -> bool {
     ["glb", "gltf", "vrm"].iter().any(|end| has_extension(path, end))
 }
@@ -143,6 +143,7 @@ fn is_packed(path: &Path) -> bool {
 
 /// Splits `FILE#NAME` into the path of the glTF file or packed file, and the name of the animation. A `#` may be part
 /// of either: the path ends at the first one that follows the name of such a file. `None` if there is no such `#`.
+#[doc(hidden)]
 pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
     let text = path.to_str()?;
     let mut parts = text.match_indices('#').map(|(at, _)| (Path::new(&text[..at]), &text[at + 1..]));
@@ -150,12 +151,11 @@ pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
 }
 
 #[cfg(feature = "gltf")]
-fn open_gltf(path: &Path, desc: &ImportDesc) -> Result<Imported> {
+fn open_gltf(path: &Path) -> Result<Imported> {
     let gltf = gltf::read(path)?;
     let clips = gltf.weight_animations().map(|animation| named(path, &animation.name)).collect();
     let looks_back = gltf.looks_back;
-    let source = gltf.into_mesh(desc.unposed)?.source;
-    Ok(Imported { mesh: ImportedMesh::Source(source), clips, looks_back })
+    Ok(Imported { mesh: ImportedMesh::Source(gltf.into_mesh()?), clips, looks_back })
 }
 
 #[cfg(feature = "gltf")]
@@ -173,7 +173,9 @@ fn gltf_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<Weight
 }
 
 fn packed_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<WeightClip> {
-    let mut clips = packed::clips(path)?;
+    let bytes = file::bytes(path)?;
+    kinds::refuse_others(path, &bytes, "a packed mesh")?;
+    let mut clips = file::clips(path, &bytes)?;
     let all: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
     let mut clip = clips.swap_remove(choose(path, ["packed file", "clip", "clips"], &all, name, "")?);
     clip.fps = frame_rate(fps.unwrap_or(clip.fps))?;
@@ -221,7 +223,7 @@ fn choose(path: &Path, of: [&str; 3], all: &[&str], name: Option<&str>, more: &s
 }
 
 #[cfg(not(feature = "gltf"))]
-fn open_gltf(path: &Path, _: &ImportDesc) -> Result<Imported> {
+fn open_gltf(path: &Path) -> Result<Imported> {
     Err(Error::input(path, "", "glTF files are not read", "build with the feature 'gltf'"))
 }
 
@@ -230,6 +232,12 @@ fn gltf_clip(path: &Path, _: Option<&str>, _: Option<f32>) -> Result<WeightClip>
     Err(Error::input(path, "", "animations of glTF files are not read", "build with the feature 'gltf'"))
 }
 
+#[cfg(not(feature = "obj"))]
+fn open_folder(path: &Path) -> Result<Imported> {
+    Err(Error::input(path, "", "folders of OBJ files are not read", "build with the feature 'obj'"))
+}
+
+#[cfg(feature = "obj")]
 fn open_folder(path: &Path) -> Result<Imported> {
     let mesh = ImportedMesh::Source(obj::import_folder(path)?);
     let weights = path.join("weights");
@@ -249,17 +257,14 @@ mod tests {
         let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nf 1/1 2/1 3/1\nf 2/2 1/1 3/1\n";
         std::fs::create_dir(dir.path().join("targets")).unwrap();
         std::fs::write(dir.path().join("neutral.obj"), triangle).unwrap();
-        let found = |desc: ImportDesc| match open(dir.path(), &desc).unwrap() {
-            Imported { mesh: ImportedMesh::Source(source), clips, .. } => (source.positions.len(), clips),
-            Imported { mesh: ImportedMesh::Packed(_), .. } => panic!("nothing is packed"),
-        };
-        assert_eq!(found(ImportDesc::default()), (3, vec![]));
+        assert_eq!(Mesh::open(&dir).unwrap().split().unwrap().positions.len(), 4);
+        assert_eq!(open(dir.path()).unwrap().clips, Vec::<PathBuf>::new());
         std::fs::create_dir(&weights).unwrap();
         for name in ["b.csv", "a.CSV", "notes.txt"] {
             std::fs::write(weights.join(name), "").unwrap();
         }
         let clips = vec![weights.join("a.CSV"), weights.join("b.csv")];
-        assert_eq!(found(ImportDesc { split: true, ..Default::default() }), (4, clips));
+        assert_eq!(open(dir.path()).unwrap().clips, clips);
     }
 
     #[test]
@@ -271,9 +276,9 @@ mod tests {
             ("a.glb", "a.glb: an empty file, where a glTF file is expected; download"),
         ] {
             std::fs::write(dir.path().join(name), "").unwrap();
-            crate::testing::says(open(&dir.path().join(name), &ImportDesc::default()), &[part]);
+            crate::testing::says(open(&dir.path().join(name)), &[part]);
         }
-        let missing = open(&dir.path().join("none"), &ImportDesc::default()).unwrap_err();
+        let missing = open(&dir.path().join("none")).unwrap_err();
         let is_io = missing.kind() == crate::ErrorKind::Io;
         assert!(is_io && missing.to_string().ends_with("; check the path"), "{missing}");
     }

@@ -13,7 +13,7 @@
 //! use deltamorph::{DeltaFormat, PackDesc, PackedMesh, Tolerance};
 //!
 //! let desc = deltamorph_head::HeadDesc { vertices: 500, ..Default::default() };
-//! let head = deltamorph_head::head(&desc).to_mesh(Tolerance::default())?;
+//! let head = deltamorph_head::head(&desc).kept(Tolerance::default())?;
 //! let mesh = PackedMesh::pack(&head, &PackDesc::new(DeltaFormat::Fast))?;
 //! let importance = Importance::of_packed(&mesh, &["eyeBlink"])?;
 //! let mut level = Level::new(LevelDesc { pixels: 1.0, ..Default::default() });
@@ -33,7 +33,7 @@ mod tests;
 
 pub use level::{Level, LevelDesc};
 
-use crate::asset::{MorphMesh, MorphTarget};
+use crate::asset::{KeptMesh, KeptTarget};
 use crate::error::{Result, ensure};
 use crate::math::up;
 use crate::pack::PackedMesh;
@@ -43,13 +43,15 @@ use std::collections::HashSet;
 
 /// Returns the mean over all vertices of the squared distance that `target` moves them at weight 1, in squared input
 /// units. [`Importance`] ranks by it; `deltamorph lod` calls it `mse`.
-pub fn mean_square(mesh: &MorphMesh, target: &MorphTarget) -> f64 {
+#[doc(hidden)]
+pub fn mean_square(mesh: &KeptMesh, target: &KeptTarget) -> f64 {
     let sum: f64 = target.positions.iter().map(|d| d.as_dvec3().length_squared()).sum();
     sum / mesh.vertex_count().max(1) as f64
 }
 
 /// Returns targets by descending score, pinned ones before all others; equal ones in their own order. A target beyond
 /// the end of `pinned` is not pinned.
+#[doc(hidden)]
 pub fn ranked(scores: &[f64], pinned: &[bool]) -> Vec<usize> {
     let is_pinned = |target: usize| pinned.get(target).is_some_and(|pinned| *pinned);
     let mut order: Vec<usize> = (0..scores.len()).collect();
@@ -58,6 +60,7 @@ pub fn ranked(scores: &[f64], pinned: &[bool]) -> Vec<usize> {
 }
 
 /// Whether `name` begins with one of `pins`.
+#[doc(hidden)]
 pub fn is_pinned<P: AsRef<str>>(name: &str, pins: &[P]) -> bool {
     pins.iter().any(|pin| name.starts_with(pin.as_ref()))
 }
@@ -103,7 +106,8 @@ impl Importance {
     /// # Errors
     /// [`Error::Invalid`](crate::Error::Invalid) for a pin that no target's name begins with; the message suggests the
     /// nearest name.
-    pub fn of(mesh: &MorphMesh, pins: &[&str]) -> Result<Self> {
+    #[doc(hidden)]
+    pub fn of(mesh: &KeptMesh, pins: &[&str]) -> Result<Self> {
         Deltas::of(mesh).by_mean_square(pins)
     }
 
@@ -192,8 +196,8 @@ impl Importance {
 }
 
 impl<'a> Deltas<'a> {
-    fn of(mesh: &'a MorphMesh) -> Self {
-        let squares = |target: &MorphTarget| {
+    fn of(mesh: &'a KeptMesh) -> Self {
+        let squares = |target: &KeptTarget| {
             let deltas = target.vertices.iter().zip(&target.positions);
             deltas.map(|(vertex, delta)| (*vertex as usize, delta.as_dvec3().length_squared())).collect()
         };

@@ -3,12 +3,12 @@ use crate::pack::{DeltaFormat, PackDesc};
 use crate::testing;
 use proptest::prelude::*;
 
-fn mesh() -> MorphMesh {
+fn mesh() -> KeptMesh {
     testing::mesh(120, 9)
 }
 
 /// The largest distance between what two lists of weights make of any vertex, in double precision.
-fn distance(mesh: &MorphMesh, a: &[f32], b: &[f32]) -> f64 {
+fn distance(mesh: &KeptMesh, a: &[f32], b: &[f32]) -> f64 {
     let mut moved = vec![DVec3::ZERO; mesh.vertex_count()];
     for (target, (a, b)) in mesh.targets.iter().zip(a.iter().zip(b)) {
         let by = f64::from(*a) - f64::from(*b);

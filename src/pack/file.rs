@@ -1,4 +1,4 @@
-//! Packed asset files (`.dmorph`), which load without packing.
+//! Packed meshes as files (`.dmorph`), which load without packing.
 //!
 //! Numbers are little-endian. A file is a header, a table of sections, and the sections in the table's order, each
 //! padded with zeros to a multiple of 8 bytes, without gaps.
@@ -19,7 +19,7 @@
 //! 10  corner texcoords    [corner] u32, 0xffffffff: none; empty if no corner has one
 //! 11  texcoords           [texcoord][u v] f32
 //! 13  welds               [user's vertex] the first vertex at its position (or itself) u32; empty if none is welded
-//! 14  clips               version 7: weight clips, see `import::packed`; meshes are read without them
+//! 14  clips               version 7: weight clips, see src/pack/file/clips.rs
 //!
 //! then for each group g of streams, with 256 g added to the id:
 //! 12  group               streams u32   blocks u32   entries u32   words u32   steps of both triples f32 f32
@@ -37,15 +37,16 @@
 //! anything is allocated. Data that planning needs ([`BlockIndex`](super::blocks::BlockIndex)) is derived on reading,
 //! and its invariants are checked.
 
+mod clips;
 mod contents;
-pub(crate) mod table;
+mod table;
 
 use super::source::sort;
-use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedMesh, PackedTarget};
-use crate::asset::{Faces, MorphMesh, MorphTarget, Semantic, Tolerance, check_welds};
+use super::{POSE_FLOATS, PackedGroup, PackedMesh, PackedTarget};
+use crate::asset::{KeptMesh, KeptTarget, Semantic, Tolerance, check_welds};
 use crate::error::{Error, Result, ensure};
 use crate::io::{read_bounded, write_replacing};
-use glam::Vec2;
+use crate::weights::WeightClip;
 use std::io::Write;
 use std::path::Path;
 
@@ -56,50 +57,19 @@ pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>> {
     read_bounded(path, MAX_BYTES, "split the mesh")
 }
 
-/// Section 'clips' of a file; empty if it has none.
-pub(crate) fn clips<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a [u8]> {
-    Ok(table::split(path, bytes)?.get((table::CLIPS, 0)))
+/// The clips of a file, of which nothing else is read.
+pub(crate) fn clips(path: &Path, bytes: &[u8]) -> Result<Vec<WeightClip>> {
+    contents::clips_of(path, &table::split(path, bytes)?)
 }
 
-/// A mesh packed in blocks, with its faces and texture coordinates.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Asset {
-    /// The mesh, in a block format.
-    pub mesh: PackedMesh,
-    /// Faces, which index the user's vertices.
-    pub faces: Faces,
-    /// Texture coordinates, indexed by the faces.
-    pub texcoords: Vec<Vec2>,
-    /// For each vertex the first vertex at the same position, or empty; see
-    /// [`MorphSource::welds`](crate::MorphSource::welds).
-    pub welds: Vec<u32>,
-    /// The import tolerance that `mesh` was made with.
-    pub tolerance: Tolerance,
-}
-
-impl Asset {
-    /// Packs `mesh` in a block format.
-    ///
-    /// # Errors
-    /// A dense format; errors of [`PackedMesh::pack`].
-    pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
-        let what = format!("the dense format '{}' in a packed file", desc.format.name());
-        ensure!(desc.format.is_blocks(), what, "pack as 'fast' or 'small'");
-        Ok(Self {
-            mesh: PackedMesh::pack(mesh, desc)?,
-            faces: mesh.faces.clone(),
-            texcoords: mesh.texcoords.clone(),
-            welds: mesh.welds.clone(),
-            tolerance: mesh.tolerance,
-        })
-    }
-
+impl PackedMesh {
     /// Reads the file `path`.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read; [`Error::Input`], naming the section, if it is invalid or larger than
     /// 4 GiB.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
         contents::read(path, &bytes(path)?)
     }
 
@@ -107,46 +77,43 @@ impl Asset {
     ///
     /// # Errors
     /// [`Error::Input`], naming the section, if `bytes` are invalid.
-    pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
-        contents::read(path, bytes)
+    pub fn from_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<Self> {
+        contents::read(path.as_ref(), bytes)
     }
 
     /// Writes the file `path`. An existing file is replaced once all bytes are written.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be written, and the errors of [`to_bytes`](Self::to_bytes).
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let bytes = self.to_bytes()?;
-        write_replacing(path, |out| out.write_all(&bytes))
+        write_replacing(path.as_ref(), |out| out.write_all(&bytes))
     }
 
     /// The bytes of the file that [`write`](Self::write) writes.
     ///
     /// # Errors
     /// [`Error::Invalid`]: a dense format; no vertices; invalid faces, texture coordinates, welds, tolerance or names;
+    /// a clip that [`WeightClip::bind`] refuses whatever the targets are called, or that has no positive frame rate;
     /// more data than a file can hold.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        self.to_bytes_with(None)
-    }
-
-    /// The bytes of the file, with the content of section 'clips'.
-    pub(crate) fn to_bytes_with(&self, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
         self.check().map_err(|what| {
-            let what = format!("mesh '{}' cannot be written as .dmorph: {what}", self.mesh.layout().name);
-            Error::invalid(what, "write a mesh that to_mesh() has accepted")
+            let what = format!("mesh '{}' cannot be written as .dmorph: {what}", self.layout().name);
+            Error::invalid(what, "write a mesh as it was packed or read")
         })?;
-        contents::write(self, clips)
+        contents::write(self)
     }
 
     /// Decodes the mesh, in the user's vertex order: to pack it in a dense format, or for the reference.
     ///
     /// # Errors
     /// A dense format.
-    pub fn to_mesh(&self) -> Result<MorphMesh> {
-        let layout = self.mesh.layout();
+    #[doc(hidden)]
+    pub fn unpack(&self) -> Result<KeptMesh> {
+        let layout = self.layout();
         layout.index()?;
-        let target = |target: &PackedTarget| MorphTarget { name: target.name.clone(), ..Default::default() };
-        let mut mesh = MorphMesh {
+        let target = |target: &PackedTarget| KeptTarget { name: target.name.clone(), ..Default::default() };
+        let mut mesh = KeptMesh {
             name: layout.name.clone(),
             texcoords: self.texcoords.clone(),
             faces: self.faces.clone(),
@@ -157,13 +124,13 @@ impl Asset {
             tolerance: self.tolerance,
             ..Default::default()
         };
-        self.mesh.groups().iter().for_each(|group| unpack(group, &mut mesh));
+        self.groups.iter().for_each(|group| unpack(group, &mut mesh));
         Ok(mesh)
     }
 
     /// Checks that neither packing nor the file format makes.
     fn check(&self) -> Result<(), String> {
-        let layout = self.mesh.layout();
+        let layout = self.layout();
         let is_size = |size: &f32| size.is_finite() && *size >= 0.0;
         ensure!(layout.vertex_count > 0, "it has no vertex".into());
         ensure!(is_size(&layout.diagonal), format!("a diagonal of {}", layout.diagonal));
@@ -184,7 +151,7 @@ impl Asset {
 }
 
 /// Appends a decoded group to `mesh`, whose targets exist.
-fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
+fn unpack(group: &PackedGroup, mesh: &mut KeptMesh) {
     let layout = group.layout();
     let base = layout.to_user_order(group.base());
     for place in &layout.streams {

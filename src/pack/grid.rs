@@ -20,7 +20,7 @@ pub(crate) const HALF: i32 = 1 << (DROPPED - 1);
 /// − offset) / unit) + Σ round(weight · delta / unit) over the targets, so it depends neither on their order nor on
 /// earlier poses; in [`Rebuilt16`](PoseFormat::Rebuilt16) round((base − offset + Σ weight · delta) / unit). Rounding
 /// weights moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the packing error
-/// ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1); rounding to units and
+/// ([`PackedLayout::error`](crate::PackedLayout::error), for each target at weight 1); rounding to units and
 /// decoding, by [`position_error`](Self::position_error).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -96,11 +96,13 @@ impl Largest {
 
 impl PoseGrid {
     /// The step of weights.
+    #[doc(hidden)]
     pub fn weight_step(&self) -> f32 {
         1.0 / (1u32 << self.weight_bits) as f32
     }
 
     /// Rounds `weight` to the nearest multiple of the step, as fixed-point poses do.
+    #[doc(hidden)]
     pub fn round(&self, weight: f32) -> f32 {
         self.steps(weight) as f32 * self.weight_step()
     }

@@ -7,9 +7,9 @@ use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source
 use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
 use crate::error::{Error, Result, ensure};
 use crate::math::angle_degrees;
+use crate::names::composed;
 use glam::Vec3;
 use std::sync::Arc;
-use unicode_normalization::UnicodeNormalization;
 
 /// Six components per vertex, with their deltas, in the layout for upload that [`PackedMesh`](super::PackedMesh)
 /// describes.
@@ -111,11 +111,13 @@ pub struct PackedTarget {
 
 impl PackedTarget {
     /// `2^normal_exponent`: the ratio of the second triple's step to the first's.
+    #[doc(hidden)]
     pub fn normal_ratio(&self) -> f32 {
         f32::from_bits(((i32::from(self.normal_exponent) + 127) as u32) << 23)
     }
 
     /// Input units per integer step of a delta in the second triple (normals).
+    #[doc(hidden)]
     pub fn normal_step(&self) -> f32 {
         self.position_step * self.normal_ratio()
     }
@@ -138,9 +140,12 @@ pub struct PackedLayout {
     pub vertex_count: usize,
     /// Dense formats: vertices per chunk, a multiple of 64. The last chunk holds the remainder.
     pub chunk_vertices: usize,
-    /// The length that errors are fractions of ([`MorphMesh::diagonal`](crate::MorphMesh::diagonal)), in input units.
+    /// The length that tolerances and errors are fractions of, in input units: the bounding-box diagonal of the base
+    /// pose, or of the smallest part of it that targets move, if there are several far apart. A part is connected by
+    /// faces, with what lies within half its size of it. What no target moves does not count: a floor, a vertex far
+    /// off.
     pub diagonal: f32,
-    /// Origin of positions, in input units: 0, unless the mesh was [recentred](crate::MorphMesh::recentre).
+    /// Origin of positions, in input units: 0, unless the mesh was [recentred](crate::PackedMesh::recentre).
     ///
     /// Base pose, poses, readbacks, bounds, skinning input and reference are relative to it. The host multiplies its
     /// model matrix, or each skin matrix, from the right by a translation by `origin`.
@@ -151,6 +156,7 @@ pub struct PackedLayout {
     /// the first.
     pub indices: Arc<[u32]>,
     /// The blocks; `None` in dense formats.
+    #[doc(hidden)]
     pub blocks: Option<Arc<BlockIndex>>,
     /// Bounds on integer sums; `None` in dense formats without integers.
     pub(crate) sums: Option<MeshSums>,
@@ -172,6 +178,11 @@ impl PackedLayout {
             let text = format!("mesh '{}' has no blocks", self.name);
             Error::invalid(text, "pack it in a block format, such as 'fast' or 'small'")
         })
+    }
+
+    /// The packing error, measured when the mesh was packed; `None` in dense formats.
+    pub fn error(&self) -> Option<PoseError> {
+        self.blocks.as_ref().map(|blocks| blocks.error())
     }
 
     /// Refuses a mesh without vertices.
@@ -211,6 +222,7 @@ impl PackedLayout {
     }
 
     /// Chunks of a dense format: `(first vertex, vertices)`.
+    #[doc(hidden)]
     pub fn chunks(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let all = self.padded_vertices();
         let step = self.chunk_vertices.max(1);
@@ -223,6 +235,7 @@ impl PackedLayout {
     }
 
     /// Bytes of the base pose, padding included. The integer sums of an instance take as many.
+    #[doc(hidden)]
     pub fn base_bytes(&self) -> u64 {
         (self.padded_vertices() * BASE_STRIDE) as u64
     }
@@ -236,6 +249,7 @@ impl PackedLayout {
     }
 
     /// Device bytes of index data (headers of entries); 0 in dense formats.
+    #[doc(hidden)]
     pub fn index_bytes(&self) -> u64 {
         self.blocks.as_ref().map_or(0, |b| b.index_bytes())
     }
@@ -269,7 +283,7 @@ impl PackedLayout {
     /// Index of the first target called `name`, in any Unicode form. A linear search: to set weights every frame, look
     /// it up once.
     pub fn target_index(&self, name: &str) -> Option<usize> {
-        self.targets.iter().position(|target| target.name == name || target.name.nfc().eq(name.nfc()))
+        self.targets.iter().position(|target| target.name == name || composed(&target.name) == composed(name))
     }
 
     /// Converts a pose from pose-buffer order, with padding, to the user's vertex order, without padding. Missing
@@ -286,6 +300,7 @@ impl PackedLayout {
 
     /// First word of the deltas of target `target` in the chunk of `vertices` vertices that starts at `first` (dense
     /// formats).
+    #[doc(hidden)]
     pub fn row_start(&self, target: usize, first: usize, vertices: usize) -> usize {
         (first * self.targets.len() + target * vertices) * self.format.words()
     }

@@ -14,9 +14,10 @@ mod source;
 pub(crate) mod vertex;
 
 use crate::asset::streams::GROUP_COMPONENTS;
-use crate::asset::{Faces, MorphMesh, RenderVertices};
+use crate::asset::{Faces, KeptMesh, Mesh, RenderVertices, Tolerance};
 use crate::error::{Result, ensure};
 use crate::math::far_middle;
+use crate::weights::WeightClip;
 use blocks::BlockDesc;
 pub use error::PoseError;
 pub(crate) use error::stream_errors;
@@ -45,6 +46,8 @@ pub const BASE_STRIDE: usize = POSE_FLOATS * size_of::<f32>();
 pub struct PackDesc {
     /// The delta format.
     pub format: DeltaFormat,
+    /// The deltas that are dropped as rounding noise.
+    pub tolerance: Tolerance,
     /// Dense formats: largest bytes of deltas per chunk, `maxStorageBufferRange` of the device.
     pub max_chunk_bytes: u64,
     /// Dense formats: largest number of vertices per chunk, 64 × workgroups per dispatch of the device.
@@ -65,6 +68,7 @@ impl Default for PackDesc {
     fn default() -> Self {
         Self {
             format: DeltaFormat::Float32,
+            tolerance: Tolerance::default(),
             max_chunk_bytes: 128 << 20,
             max_chunk_vertices: 65_535 * VERTEX_PADDING as u64,
             blocks: BlockDesc::default(),
@@ -90,42 +94,88 @@ impl Default for PackDesc {
 /// ([`PackDesc`]).
 ///
 /// *Block* formats reorder the vertices so that each target covers few runs of consecutive vertices, and store only
-/// those: see [`BlockIndex`](crate::packed::BlockIndex).
+/// those (docs/notes/blocks.md). A mesh in such a format [reads](Self::read) and [writes](Self::write) itself as a file
+/// (`*.dmorph`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedMesh {
     /// At least one; the first is position and normal.
     groups: Vec<PackedGroup>,
+    /// Faces, which index the user's vertices.
+    pub faces: Faces,
+    /// Texture coordinates, indexed by the faces.
+    pub texcoords: Vec<Vec2>,
+    /// For each vertex the first vertex at the same position, or empty: [`Mesh::welds`].
+    pub welds: Vec<u32>,
+    /// The tolerance that it was packed with.
+    pub tolerance: Tolerance,
+    /// Weight clips that a file holds beside the mesh; packing makes none.
+    pub clips: Vec<WeightClip>,
+}
+
+impl Mesh {
+    /// Checks the mesh, drops deltas within `desc.tolerance`, computes missing normals, and packs the rest. Names of
+    /// targets get Unicode's composed form (NFC), in which they are compared.
+    ///
+    /// A vertex stays in a target if its position delta is longer than `tolerance.position × diagonal`
+    /// ([`PackedLayout::diagonal`]) or its normal delta longer than `tolerance.normal`. A position delta within the
+    /// tolerance becomes exactly zero even if the vertex stays for its normal.
+    ///
+    /// A missing normal is computed as the normalised sum of the area vectors of the faces around the vertex. A polygon
+    /// counts with its whole area vector (the sum over its triangle fan) at each of its corners, so the result differs
+    /// from that of its triangles. If the sum is zero (no face, or faces without area), the normal is (0, 0, 1). The
+    /// normal delta of a target is the difference of two such normals. They are computed on the welded surface from the
+    /// position deltas that are kept: they are smooth across doubled vertices, and dropped noise does not come back. A
+    /// vertex whose deformed surface has no normal (faces folded to nothing) keeps the base normal.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`](crate::Error::Invalid) for: no vertex or more than 2³² − 1; an index out of range; deltas
+    /// that are not ascending by vertex; a value that is not finite; a face of fewer than three corners; a base normal
+    /// or tangent that is not of unit length (within 1%); a tangent whose w is not 1 or -1; a stream that comes twice
+    /// or with a wrong number of values; welded vertices that are not at one position; two targets of one name, or more
+    /// than 65,536; a tolerance that is negative or not finite. Dense formats: `desc.max_chunk_bytes` does not fit all
+    /// targets of 64 vertices. Block formats: invalid values of [`BlockDesc`].
+    pub fn pack(&self, desc: &PackDesc) -> Result<PackedMesh> {
+        PackedMesh::pack(&self.kept(desc.tolerance)?, desc)
+    }
 }
 
 /// Most targets of a mesh: kernels use 16-bit target indices.
 pub const TARGETS_MAX: usize = 1 << 16;
 
 impl PackedMesh {
-    /// Packs `mesh`.
+    /// Packs `mesh`, which was checked when it was made, whatever `desc.tolerance` is.
     ///
     /// # Errors
-    /// More than 65,536 targets; streams of the wrong length; faces that name vertices that there are not. Dense
-    /// formats: `desc.max_chunk_bytes` does not fit all targets of 64 vertices. Block formats: invalid values of
-    /// [`BlockDesc`].
-    pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
+    /// Too many targets, and those of `desc`.
+    #[doc(hidden)]
+    pub fn pack(mesh: &KeptMesh, desc: &PackDesc) -> Result<Self> {
         let targets = mesh.targets.len();
         let what = format!("mesh '{}' has {targets} targets; the kernels name at most {TARGETS_MAX}", mesh.name);
         ensure!(targets <= TARGETS_MAX, what, "split the targets over several meshes");
-        mesh.faces.check(mesh.vertex_count(), mesh.texcoords.len())?;
-        let sources = Source::groups(mesh)?;
+        let sources = Source::groups(mesh);
         let groups = with_format!(desc.format,
             dense format => sources.iter().map(|source| dense::pack(source, desc, format)).collect::<Result<Vec<_>>>(),
             blocks format => blocks::pack(&sources, desc, format)
         )?;
-        let mut packed = Self::of_groups(groups);
-        packed.take_faces(&mesh.faces)?;
-        Ok(packed)
+        let packed = Self {
+            groups,
+            faces: mesh.faces.clone(),
+            texcoords: mesh.texcoords.clone(),
+            welds: mesh.welds.clone(),
+            tolerance: mesh.tolerance,
+            clips: vec![],
+        };
+        packed.complete()
     }
 
-    /// A mesh of at least one group.
-    fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
-        Self::share_sums(&mut groups);
-        Self { groups }
+    /// A mesh of at least one group, with what follows from all of them and the faces.
+    fn complete(mut self) -> Result<Self> {
+        Self::share_sums(&mut self.groups);
+        let mut indices = self.faces.triangles(&self.positions()).into_flattened();
+        let layout = &mut self.groups[0].layout;
+        layout.remap_indices(&mut indices)?;
+        layout.indices = indices.into();
+        Ok(self)
     }
 
     /// Tells each group the bounds on the integer sums of all: they share the grid of weights, on which no sum of any
@@ -138,26 +188,17 @@ impl PackedMesh {
         }
     }
 
-    /// Keeps the triangles of `faces`, in the order of the packed vertices, for draws.
-    fn take_faces(&mut self, faces: &Faces) -> Result<()> {
-        let mut indices = faces.triangles(&self.positions()).into_flattened();
-        let layout = &mut self.groups[0].layout;
-        layout.remap_indices(&mut indices)?;
-        layout.indices = indices.into();
-        Ok(())
-    }
-
-    /// Render vertices of `faces` of this mesh in pose-buffer order, and their index buffer.
+    /// Render vertices in pose-buffer order, and their index buffer.
     ///
-    /// If the mesh is [split](crate::asset::MorphSource::split), `pose_vertices` is 0, 1, 2 …: pose buffers and
+    /// If the mesh is [split](crate::asset::Mesh::split), `pose_vertices` is 0, 1, 2 …: pose buffers and
     /// `texcoords` can be drawn directly with one index buffer. Otherwise duplicated vertices follow the mesh's own,
     /// for hosts that fetch the pose in the vertex shader.
     ///
     /// # Errors
     /// Faces or texture coordinates that do not match the mesh.
-    pub fn render_vertices(&self, faces: &Faces, texcoords: &[Vec2]) -> Result<RenderVertices> {
+    pub fn render_vertices(&self) -> Result<RenderVertices> {
         let layout = self.layout();
-        let mut render = faces.render_vertices(&self.positions(), texcoords)?;
+        let mut render = self.faces.render_vertices(&self.positions(), &self.texcoords)?;
         layout.remap_indices(&mut render.pose_vertices)?;
         let packed = render.pose_vertices[..layout.vertex_count].to_vec();
         let by_user = render.texcoords[..layout.vertex_count].to_vec();
@@ -177,7 +218,12 @@ impl PackedMesh {
         base.chunks_exact(POSE_FLOATS).map(Vec3::from_slice).collect()
     }
 
-    /// [`MorphMesh::recentre`] for a packed mesh, such as one read from a file.
+    /// Makes positions relative to the middle of the mesh if it is far from 0. Poses gain precision, since the rounding
+    /// of float32 grows with a coordinate. On each axis whose largest coordinate is at least twice the diagonal,
+    /// the origin becomes the middle of the bounding box and is subtracted from positions, without rounding. Other axes
+    /// stay as they are.
+    ///
+    /// The renderer adds [`PackedLayout::origin`] back in the model matrix.
     pub fn recentre(&mut self) {
         let PackedGroup { layout, base, .. } = &mut self.groups[0];
         let vertices = &mut base.as_chunks_mut::<POSE_FLOATS>().0[..layout.vertex_count];
@@ -196,6 +242,7 @@ impl PackedMesh {
     }
 
     /// The group of position and normal.
+    #[doc(hidden)]
     pub fn surface(&self) -> &PackedGroup {
         &self.groups[0]
     }
@@ -206,21 +253,23 @@ impl PackedMesh {
     }
 
     /// [`PackedGroup::base`] of the first group.
+    #[doc(hidden)]
     pub fn base(&self) -> &[f32] {
         self.surface().base()
     }
 
     /// [`PackedGroup::for_each_delta`] of the first group.
+    #[doc(hidden)]
     pub fn for_each_delta(&self, target: usize, f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         self.surface().for_each_delta(target, f);
     }
 
-    /// The packing error against `mesh`, which this was packed from; NaN if `mesh` is invalid, or has other targets or
-    /// vertices.
-    pub fn measure_error(&self, mesh: &MorphMesh) -> PoseError {
+    /// The packing error against `mesh`, which this was packed from; NaN if `mesh` has other targets or vertices.
+    #[doc(hidden)]
+    pub fn measure_error(&self, mesh: &KeptMesh) -> PoseError {
         let vertices = self.layout().vertex_count;
         let targets = self.layout().targets.len();
-        if mesh.vertex_count() != vertices || mesh.targets.len() != targets || Source::groups(mesh).is_err() {
+        if mesh.vertex_count() != vertices || mesh.targets.len() != targets {
             return PoseError::NAN;
         }
         let each = self.groups.iter().map(|group| group.measure_error(&Source::new(mesh, &group.layout().streams)));

@@ -2,32 +2,24 @@
 
 use super::POSE_FLOATS;
 use super::formats::Lane;
-use crate::asset::streams::{Semantic, StreamPlace, TRIPLE, TRIPLES, group_streams};
-use crate::asset::{MorphMesh, MorphTarget, check_welds};
-use crate::error::{Error, Result, ensure};
-use std::collections::HashSet;
+use crate::asset::streams::{StreamPlace, TRIPLE, TRIPLES, group_streams};
+use crate::asset::{KeptMesh, KeptTarget};
 
 /// A group of streams of a mesh.
 pub(crate) struct Source<'a> {
-    pub mesh: &'a MorphMesh,
+    pub mesh: &'a KeptMesh,
     pub streams: Vec<StreamPlace>,
 }
 
 impl<'a> Source<'a> {
     /// Groups the streams of `mesh`.
-    ///
-    /// # Errors
-    /// Streams that do not match the vertices.
-    pub fn groups(mesh: &'a MorphMesh) -> Result<Vec<Self>> {
-        check(mesh).map_err(|what| {
-            Error::invalid(format!("mesh '{}': {what}", mesh.name), "make the mesh with MorphSource::to_mesh")
-        })?;
+    pub fn groups(mesh: &'a KeptMesh) -> Vec<Self> {
         let semantics = mesh.streams.iter().map(|stream| stream.semantic);
-        Ok(group_streams(semantics).iter().map(|streams| Self::new(mesh, streams)).collect())
+        group_streams(semantics).iter().map(|streams| Self::new(mesh, streams)).collect()
     }
 
     /// The group of these streams; streams that the mesh lacks are zero.
-    pub fn new(mesh: &'a MorphMesh, streams: &[StreamPlace]) -> Self {
+    pub fn new(mesh: &'a KeptMesh, streams: &[StreamPlace]) -> Self {
         Self { mesh, streams: streams.to_vec() }
     }
 
@@ -53,7 +45,7 @@ impl<'a> Source<'a> {
     }
 
     /// The deltas of a target, ascending by vertex.
-    pub fn deltas(&self, target: &MorphTarget) -> Vec<Lane> {
+    pub fn deltas(&self, target: &KeptTarget) -> Vec<Lane> {
         let mut out: Vec<Lane> = vec![];
         let mut lane_of = vec![None; self.mesh.vertex_count()];
         for place in &self.streams {
@@ -86,27 +78,4 @@ pub(crate) fn largest(deltas: &[Lane]) -> [f32; TRIPLES] {
         }
     }
     largest
-}
-
-/// Checks the lengths of normals, targets and streams, and the welds, so that no index is out of range.
-pub(crate) fn check(mesh: &MorphMesh) -> Result<(), String> {
-    let vertices = mesh.vertex_count();
-    check_welds(&mesh.welds, vertices)?;
-    ensure!(mesh.origin.is_finite(), format!("an origin of {}", mesh.origin));
-    let further = mesh.streams.iter().map(|stream| stream.semantic);
-    let mut seen = HashSet::new();
-    for semantic in [Semantic::Position, Semantic::Normal].into_iter().chain(further) {
-        ensure!(seen.insert(semantic), format!("two streams '{semantic}'"));
-        let has = mesh.values(semantic).len();
-        let expected = vertices * semantic.components();
-        let what = format!("stream '{semantic}' has {has} numbers; {vertices} vertices take {expected}");
-        ensure!(has == expected, what);
-        for target in &mesh.targets {
-            let (moved, deltas) = mesh.deltas(target, semantic);
-            let fits = deltas.len() == moved.len() * semantic.morphing_components()
-                && moved.iter().all(|&v| (v as usize) < vertices);
-            ensure!(fits, format!("the deltas of stream '{semantic}' in target '{}' do not fit", target.name));
-        }
-    }
-    Ok(())
 }

@@ -175,7 +175,7 @@ mod tests {
         let mut tight = 0;
         for head_seed in 0..10 {
             let desc = HeadDesc { vertices: 40 + 30 * head_seed, targets: 6, sparsity: 0.4, seed: head_seed as u64 };
-            let mesh = head(&desc).to_mesh(Tolerance::default()).expect("a mesh");
+            let mesh = head(&desc).kept(Tolerance::default()).expect("a mesh");
             let formats = [DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Float32, DeltaFormat::Snorm16];
             let packed = PackedMesh::pack(&mesh, &PackDesc::new(formats[head_seed % 4])).expect("a mesh that fits");
             let pose = if head_seed % 3 == 0 && packed.layout().format.is_blocks() {
@@ -214,7 +214,7 @@ mod tests {
     #[test]
     fn no_decoded_pose_exceeds_its_bounds() {
         let mut mesh = head(&HeadDesc { vertices: 500, targets: 6, ..Default::default() })
-            .to_mesh(Tolerance::default())
+            .kept(Tolerance::default())
             .expect("a mesh");
         mesh.positions[0].x += 200.0 * mesh.diagonal;
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that fits"));
@@ -239,7 +239,7 @@ mod tests {
     #[test]
     fn what_updates_leave_out_is_part_of_the_bounds() {
         let mesh = head(&HeadDesc { vertices: 100, targets: 3, ..Default::default() })
-            .to_mesh(Tolerance::default())
+            .kept(Tolerance::default())
             .expect("a mesh");
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).expect("a mesh that fits");
         let bounds = |budget: f32, bound| {

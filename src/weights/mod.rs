@@ -5,10 +5,10 @@ pub mod names;
 mod normalised;
 
 use crate::error::{Error, Result, ensure, listed, reserved, shortened};
+use crate::names::composed;
 use names::{closest, meanings};
 pub use normalised::normalise_weights;
 use std::collections::HashSet;
-use unicode_normalization::UnicodeNormalization;
 
 /// Most pairs of an unknown column and a target whose names are compared for a message.
 const NEAR_PAIRS: usize = 1 << 16;
@@ -135,7 +135,7 @@ impl WeightClip {
     pub fn check(&self) -> Result<()> {
         let mut seen = HashSet::with_capacity(self.names.len());
         for name in &self.names {
-            ensure!(seen.insert(name.nfc().collect::<String>()), self.twice(name));
+            ensure!(seen.insert(composed(name)), self.twice(name));
         }
         self.check_weights(&(0..self.names.len()).collect::<Vec<_>>())
     }

@@ -1,10 +1,9 @@
 //! Look-up of targets by name.
 
 use crate::error::{Error, Result, ensure};
+use crate::names::composed;
 use std::collections::{HashMap, HashSet};
 use std::mem::take;
-use strsim::levenshtein;
-use unicode_normalization::UnicodeNormalization;
 
 /// Most letters of a name for which a similar one is searched: the time grows as their square.
 const NEAR_LETTERS: usize = 64;
@@ -12,7 +11,6 @@ const NEAR_LETTERS: usize = 64;
 /// The targets that each name means and that none before it does; `None` if there is no such target. An error with a
 /// name that is there twice, and that of a target.
 pub fn meanings<'n>(names: &'n [String], targets: &[&str]) -> Result<Vec<Option<Vec<usize>>>, &'n str> {
-    let composed = |name: &str| name.nfc().collect::<String>();
     // Reversed, so that the first of several targets of one name is kept.
     let own: HashMap<String, usize> = targets.iter().enumerate().rev().map(|(i, name)| (composed(name), i)).collect();
     let own = |name: &String| own.get(&composed(name)).copied();
@@ -41,7 +39,7 @@ pub fn meanings<'n>(names: &'n [String], targets: &[&str]) -> Result<Vec<Option<
 
 /// What is the same in all spellings of a name.
 fn key(name: &str) -> String {
-    let name: &str = &name.nfc().collect::<String>();
+    let name: &str = &composed(name);
     let is_side = |part: &str| ["l", "r", "left", "right"].iter().any(|side| part.eq_ignore_ascii_case(side));
     // The last part of a path of nodes; neither a side nor a number is one.
     let letters_end = name.rfind(char::is_alphabetic).map_or(0, |at| at + 1);
@@ -82,10 +80,25 @@ pub fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
         let longer = other.chars().count();
         // No distance is less than the difference of the lengths.
         let is_near = length.max(longer) <= NEAR_LETTERS && length.abs_diff(longer) <= most;
-        is_near.then(|| levenshtein(&wanted, &other)).filter(|distance| *distance <= most)
+        is_near.then(|| edits(&wanted, &other)).filter(|distance| *distance <= most)
     };
     let near = targets.iter().filter_map(|target| Some((distance(target)?, *target)));
     near.min_by_key(|(distance, _)| *distance).map(|(_, target)| target)
+}
+
+/// How many letters of a word are changed, added or left out to make it the other one.
+fn edits(from: &str, to: &str) -> usize {
+    // For each beginning of `to`, those from the beginning of `from` so far.
+    let mut row: Vec<usize> = (0..=to.chars().count()).collect();
+    for (i, letter) in from.chars().enumerate() {
+        let mut before = std::mem::replace(&mut row[0], i + 1);
+        for (j, other) in to.chars().enumerate() {
+            let changed = before + usize::from(letter != other);
+            before = row[j + 1];
+            row[j + 1] = changed.min(row[j] + 1).min(before + 1);
+        }
+    }
+    row[row.len() - 1]
 }
 
 #[cfg(test)]
@@ -182,5 +195,10 @@ mod tests {
         let long = "a".repeat(1 << 20);
         assert_eq!(closest(&long, &[&("b".to_owned() + &long[1..])]), None);
         assert_eq!(closest("jawOpne", &["jawOpen", &long]), Some("jawOpen"));
+        for (from, to, count) in
+            [("", "", 0), ("", "äb", 2), ("kitten", "sitting", 3), ("flaw", "lawn", 2), ("é", "é", 0)]
+        {
+            assert_eq!((edits(from, to), edits(to, from)), (count, count), "{from} {to}");
+        }
     }
 }

@@ -22,7 +22,7 @@ fn head_desc() -> HeadDesc {
 }
 
 fn packed(headless: &Headless, format: DeltaFormat, with_streams: bool) -> Arc<PackedMesh> {
-    let mesh = head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = head(&head_desc()).kept(Tolerance::default()).expect("a mesh");
     let mesh = if with_streams { testing::with_streams(mesh) } else { mesh };
     Arc::new(gpu::packed(headless.engine(), &mesh, format))
 }

@@ -34,7 +34,7 @@ const FRAGMENT: &str = "#version 450
 #[test]
 fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_their_own() {
     let desc = HeadDesc { vertices: 900, targets: 37, ..Default::default() };
-    let mesh = head(&desc).to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = head(&desc).kept(Tolerance::default()).expect("a mesh");
     let edge = 128;
     for driver in gpu::drivers() {
         gpu::on_device(&driver, false, |headless, engine| {

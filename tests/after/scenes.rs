@@ -3,14 +3,12 @@
 use super::formulas::{Drawn, File};
 use crate::character::{Character, Stored};
 use crate::file::{F32, I16, U16, Written, bytes};
-use crate::skinned::Playing;
-use deltamorph::after::{SkinDesc, SkinMethod};
-use deltamorph::import::gltf::{self, Gltf};
+use deltamorph::import::gltf::{self, Animation, Channel, Gltf, Property};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Result, Tolerance, UpdateDesc, UpdatePath,
-    reference,
+    BatchSize, CpuCrowd, DeltaFormat, KeptMesh, PackDesc, PackedMesh, Result, Tolerance, UpdateDesc, UpdatePath,
+    WeightClip, reference,
 };
-use glam::{DMat4, DVec3, Mat4, Quat, Vec3};
+use glam::{DVec3, Mat4, Quat, Vec3};
 use serde_json::json;
 use std::collections::HashMap;
 use std::io::Write;
@@ -25,55 +23,39 @@ const TURNED: f64 = 0.01;
 /// Weights by the names of targets.
 type Weights = HashMap<String, f64>;
 
-/// A mesh of a scene in float32 on the path `cpu`, and its skeleton.
+/// A mesh of a scene in float32 on the path `cpu`.
 struct Posed {
-    mesh: MorphMesh,
+    mesh: KeptMesh,
     crowd: CpuCrowd,
-    skeleton: Option<gltf::Skeleton>,
 }
 
 impl Posed {
     fn new(drawn: gltf::Drawn) -> Result<Self> {
-        let mut mesh = drawn.source.to_mesh(Tolerance::ZERO)?;
-        if drawn.skeleton.is_none() {
-            mesh.recentre();
-        }
+        let mut mesh = drawn.source.kept(Tolerance::ZERO)?;
+        mesh.recentre();
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Float32))?);
         let crowd = CpuCrowd::new(packed, UpdateDesc::new(UpdatePath::Cpu, BatchSize::All), 1, 1)?;
-        Ok(Self { mesh, crowd, skeleton: drawn.skeleton })
+        Ok(Self { mesh, crowd })
     }
 
     /// Returns positions and normals.
-    fn vertices(&mut self, weights: &Weights, playing: Playing) -> Vec<[DVec3; 2]> {
+    fn vertices(&mut self, weights: &Weights) -> Vec<[DVec3; 2]> {
         let weight = |name: &String| weights.get(name).map_or(0.0, |weight| *weight as f32);
         let weights: Vec<f32> = self.mesh.targets.iter().map(|target| weight(&target.name)).collect();
         self.crowd.set_weights(0, &weights).expect("weights");
         self.crowd.update();
         let pose = self.crowd.layout().to_user_order(&self.crowd.pose(0).expect("a pose"));
-        let mut pose: Vec<f64> = pose[..6 * self.mesh.vertex_count()].iter().map(|x| f64::from(*x)).collect();
-        if let Some(skeleton) = &self.skeleton {
-            let playing = playing.map(|(clip, time)| (&skeleton.animations[clip], time));
-            let rows = |m: DMat4| m.transpose().to_cols_array().into_iter().take(12).map(|x| x as f32);
-            let joints: Vec<f32> = skeleton.joint_matrices(playing).into_iter().flat_map(rows).collect();
-            let (of, count) = (&skeleton.influences, skeleton.joint_count() as u32);
-            let desc = SkinDesc {
-                influences: of.per_vertex as u32,
-                joint_count: count,
-                joints: &of.joints,
-                weights: &of.weights,
-            };
-            pose = reference::skin(&pose, &desc, SkinMethod::Linear, &joints).expect("a skinned pose");
-        }
+        let pose: Vec<f64> = pose[..6 * self.mesh.vertex_count()].iter().map(|x| f64::from(*x)).collect();
         let origin = self.mesh.origin.as_dvec3();
         pose.chunks_exact(6).map(|v| [DVec3::from_slice(v) + origin, DVec3::from_slice(&v[3..])]).collect()
     }
 }
 
-/// A file beside its scene, joints at rest (0) and joints apart (1).
+/// A file beside its scene, with joints at rest.
 struct Compared {
     gltf: Gltf,
     file: File,
-    scenes: [Vec<Posed>; 2],
+    scene: Vec<Posed>,
     order: Vec<Drawn>,
     diagonal: f64,
     /// The largest angle between normals, in degrees.
@@ -83,22 +65,19 @@ struct Compared {
 impl Compared {
     fn new(path: &Path) -> Result<Self> {
         let gltf = gltf::read(path)?;
-        let scene = |joints: bool| -> Result<Vec<Posed>> {
-            let scene = gltf.clone().into_scene(joints)?;
-            std::iter::once(scene.mesh).chain(scene.still).map(Posed::new).collect()
-        };
-        let scenes = [scene(false)?, scene(true)?];
+        let scene = gltf.clone().into_scene()?;
+        let scene = std::iter::once(scene.mesh).chain(scene.still).map(Posed::new).collect::<Result<_>>()?;
         let file = File::read(path);
         let order = [file.drawn(true), file.drawn(false)].concat();
-        let mut this = Self { gltf, file, scenes, order, diagonal: 1.0, turned: 0.0 };
-        let rest = this.expected(&|drawn| this.file.weights(drawn, None), None);
+        let mut this = Self { gltf, file, scene, order, diagonal: 1.0, turned: 0.0 };
+        let rest = this.expected(&|drawn| this.file.weights(drawn, None));
         let [low, high] = [DVec3::min, DVec3::max].map(|f| rest.iter().map(|v| v[0]).reduce(f).unwrap_or_default());
         this.diagonal = (high - low).length();
         Ok(this)
     }
 
-    fn expected(&self, weights: &dyn Fn(Drawn) -> Vec<f64>, joints: Playing) -> Vec<[DVec3; 2]> {
-        let worlds = self.file.worlds(joints);
+    fn expected(&self, weights: &dyn Fn(Drawn) -> Vec<f64>) -> Vec<[DVec3; 2]> {
+        let worlds = self.file.worlds(None);
         let vertices = |drawn: &Drawn| self.file.vertices(*drawn, &weights(*drawn), &worlds);
         self.order.iter().flat_map(vertices).map(|vertex| vertex.map(DVec3::from_array)).collect()
     }
@@ -108,7 +87,7 @@ impl Compared {
     }
 
     /// The largest error with `weights`, of which `stated` replace what the file says; as a fraction of the diagonal.
-    fn off(&mut self, stated: &Weights, weights: &dyn Fn(&Self, Drawn) -> Vec<f64>, playing: Playing) -> f64 {
+    fn off(&mut self, stated: &Weights, weights: &dyn Fn(&Self, Drawn) -> Vec<f64>) -> f64 {
         let mut all = Weights::new();
         for drawn in self.order.clone() {
             for (name, weight) in self.names(drawn).zip(weights(self, drawn)) {
@@ -117,24 +96,20 @@ impl Compared {
             }
         }
         all.extend(stated.iter().map(|(name, weight)| (name.clone(), *weight)));
-        let mut worst = 0.0f64;
-        for (scene, joints) in [None, playing].into_iter().enumerate() {
-            let expected = self.expected(&|drawn| weights(self, drawn), joints);
-            let found: Vec<[DVec3; 2]> =
-                self.scenes[scene].iter_mut().flat_map(|posed| posed.vertices(&all, joints)).collect();
-            assert_eq!(found.len(), expected.len(), "the same vertices, once for each node that draws them");
-            worst = found.iter().zip(&expected).map(|(a, b)| a[0].distance(b[0])).fold(worst, f64::max);
-            let stated = found.iter().zip(&expected).filter(|(_, [_, normal])| *normal != DVec3::ZERO);
-            let angles = stated.map(|(a, b)| reference::angle_degrees(a[1], b[1]));
-            self.turned = angles.fold(self.turned, f64::max);
-        }
+        let expected = self.expected(&|drawn| weights(self, drawn));
+        let found: Vec<[DVec3; 2]> = self.scene.iter_mut().flat_map(|posed| posed.vertices(&all)).collect();
+        assert_eq!(found.len(), expected.len(), "the same vertices, once for each node that draws them");
+        let worst = found.iter().zip(&expected).map(|(a, b)| a[0].distance(b[0])).fold(0.0, f64::max);
+        let stated = found.iter().zip(&expected).filter(|(_, [_, normal])| *normal != DVec3::ZERO);
+        let angles = stated.map(|(a, b)| reference::angle_degrees(a[1], b[1]));
+        self.turned = angles.fold(self.turned, f64::max);
         worst / self.diagonal
     }
 
     /// At rest, with three sets of random weights, and at three times of each clip.
     fn errors(&mut self) -> [f64; 3] {
         let file = |this: &Self, drawn: Drawn| this.file.weights(drawn, None);
-        let rest = self.off(&Weights::new(), &file, None);
+        let rest = self.off(&Weights::new(), &file);
         let random = |salt: u32| {
             move |this: &Self, drawn: Drawn| -> Vec<f64> {
                 let hash =
@@ -142,28 +117,39 @@ impl Compared {
                 this.names(drawn).map(|name| f64::from(hash(&name) >> 8) / f64::from(1 << 24)).collect()
             }
         };
-        let weights = [1, 2, 3].map(|salt| self.off(&Weights::new(), &random(salt), None));
+        let weights = [1, 2, 3].map(|salt| self.off(&Weights::new(), &random(salt)));
         let mut clips = 0.0f64;
         for clip in 0..self.gltf.animations.len() {
             let animation = &self.gltf.animations[clip];
-            let times: Vec<f64> = animation.frame_times(None).unwrap().collect();
-            let frames = self.gltf.clip(animation, None).ok();
+            let Ok(frames) = self.gltf.clip(animation, None) else { continue };
+            let times = frame_times(animation, &frames);
             for frame in [1, 3, 5].map(|sixth| times.len() * sixth / 6) {
-                let values = frames.iter().flat_map(|f| f.names.iter().zip(&f.values[frame * f.names.len()..]));
+                let values = frames.names.iter().zip(&frames.values[frame * frames.names.len()..]);
                 let stated = values.map(|(name, weight)| (name.clone(), f64::from(*weight))).collect();
                 let playing = Some((clip, times[frame]));
                 let file = |this: &Self, drawn: Drawn| this.file.weights(drawn, playing);
-                clips = clips.max(self.off(&stated, &file, playing));
+                clips = clips.max(self.off(&stated, &file));
             }
         }
         [rest, weights.into_iter().fold(0.0, f64::max), clips]
     }
 }
 
+/// The time of each frame of a clip, or that of a key next to it: steps happen in the frame that they belong to.
+fn frame_times(animation: &Animation, clip: &WeightClip) -> Vec<f64> {
+    let weights = animation.channels.iter().filter(|channel| channel.property == Property::Weights);
+    let [start, end] =
+        weights.clone().map(Channel::span).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default();
+    let keys: Vec<f64> = weights.flat_map(|channel| &channel.times).copied().map(f64::from).collect();
+    let frame = 1.0 / f64::from(clip.fps);
+    let near = |time: f64| keys.iter().copied().find(|key| (key - time).abs() <= 1e-3 * frame).unwrap_or(time);
+    (0..clip.frame_count()).map(|i| near((start + i as f64 * frame).min(end))).collect()
+}
+
 /// Prints a row for each file, and returns those that are further off than allowed.
 fn table(files: &[(String, PathBuf)]) -> Vec<String> {
-    println!("| file | vertices | targets | joints | clips | at rest | weights | clips |");
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("| file | vertices | targets | clips | at rest | weights | clips |");
+    println!("|---|---|---|---|---|---|---|");
     let (mut wrong, mut others) = (vec![], (0, 0.0f64));
     for (name, path) in files {
         let mut compared = match Compared::new(path) {
@@ -175,31 +161,26 @@ fn table(files: &[(String, PathBuf)]) -> Vec<String> {
             }
         };
         let [rest, weights, clips] = compared.errors();
-        let joints = |posed: &Posed| posed.skeleton.as_ref().map_or(0, gltf::Skeleton::joint_count);
-        let [mesh, still] = [0, 1].map(|i| compared.scenes[1].get(i));
+        let [mesh, still] = [0, 1].map(|i| compared.scene.get(i));
         let vertices = |posed: Option<&Posed>| posed.map_or(0, |posed| posed.mesh.vertex_count());
         // Also false of what is not a number.
         if !(rest <= ALLOWED && weights <= ALLOWED && clips <= ALLOWED) {
             wrong.push(name.clone());
         }
         let targets = mesh.map_or(0, |posed| posed.mesh.targets.len());
-        let joints: usize = compared.scenes[1].iter().map(joints).sum();
-        if targets + joints == 0 {
+        if targets == 0 {
             others = (others.0 + 1, others.1.max(rest));
             continue;
         }
         println!(
-            "| {name} | {} + {} | {targets} | {joints} | {} | {rest:.1e} | {weights:.1e} | {} |",
+            "| {name} | {} + {} | {targets} | {} | {rest:.1e} | {weights:.1e} | {} |",
             vertices(mesh),
             vertices(still),
             compared.gltf.animations.len(),
             if compared.gltf.animations.is_empty() { String::new() } else { format!("{clips:.1e}") },
         );
     }
-    println!(
-        "\n{} more files have neither targets nor joints; at rest they are off by {:.1e} at most.",
-        others.0, others.1
-    );
+    println!("\n{} more files have no targets; at rest they are off by {:.1e} at most.", others.0, others.1);
     wrong
 }
 

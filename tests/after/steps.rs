@@ -12,7 +12,7 @@ use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::PostMorphPass;
 use deltamorph::reference::{self, compare};
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, Consumers, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, MorphMesh,
+    AnimationDesc, AnyCrowd, BatchSize, Consumers, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, KeptMesh,
     PackedMesh, Playback, PoseFormat, Result, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, Rng, head, head_clip};
@@ -30,11 +30,11 @@ fn head_desc() -> HeadDesc {
 }
 
 /// Makes a head with a seam in its texture coordinates, at which vertices are doubled.
-fn mesh() -> MorphMesh {
+fn mesh() -> KeptMesh {
     let source = head(&head_desc());
     let split = source.split().expect("a split head");
     assert!(split.positions.len() > source.positions.len(), "there is a seam");
-    split.to_mesh(Tolerance::default()).expect("a mesh")
+    split.kept(Tolerance::default()).expect("a mesh")
 }
 
 /// Returns weights up to 1, of which few change between frames.
@@ -66,7 +66,7 @@ fn influences(vertices: usize, influences: u32) -> (Vec<u16>, Vec<f32>) {
 }
 
 /// Returns the vertices at the corners of all faces.
-fn corners(mesh: &MorphMesh) -> Vec<u32> {
+fn corners(mesh: &KeptMesh) -> Vec<u32> {
     mesh.faces.corners.iter().map(|corner| corner.position).collect()
 }
 
@@ -103,7 +103,7 @@ struct Skinned<'a> {
 struct Rig<'a> {
     headless: &'a Headless,
     mesh: Arc<PackedMesh>,
-    source: &'a MorphMesh,
+    source: &'a KeptMesh,
     target: Target,
     /// Written in turn, if there are two.
     outputs: Vec<Written<'a>>,
@@ -122,7 +122,7 @@ impl<'a> Rig<'a> {
         which: usize,
         headless: &'a Headless,
         host: &'a Offscreen<'a>,
-        (source, mesh): (&'a MorphMesh, &Arc<PackedMesh>),
+        (source, mesh): (&'a KeptMesh, &Arc<PackedMesh>),
     ) -> Self {
         let vertices = mesh.layout().vertex_count;
         let written = |place| Written::new(headless, host, vertices, place);

@@ -1,7 +1,7 @@
 //! The built-in head and its clip.
 
 use deltamorph::internals::diagonal;
-use deltamorph::{MorphSource, Tolerance};
+use deltamorph::{Mesh, Tolerance};
 use deltamorph_head::{HeadDesc, head, head_clip};
 use std::collections::HashMap;
 
@@ -15,7 +15,7 @@ fn hash(words: impl Iterator<Item = u32>) -> u64 {
 }
 
 /// Hashes the bits of the surface and the targets.
-fn fingerprint(source: &MorphSource) -> u64 {
+fn fingerprint(source: &Mesh) -> u64 {
     let base = source.positions.iter().flat_map(|p| p.to_array()).map(f32::to_bits);
     let faces = source.faces.corners.iter().map(|c| c.position);
     let deltas = source.targets.iter().flat_map(|t| &t.positions);
@@ -28,7 +28,7 @@ fn the_number_of_vertices_is_exact() {
     for n in (1..120).chain([255, 419, 1000, 2694, 4097, 43_788]) {
         let source = head(&desc(n, 3, 0.3));
         assert_eq!(source.positions.len(), n);
-        let mesh = source.to_mesh(Tolerance::default()).unwrap();
+        let mesh = source.kept(Tolerance::default()).unwrap();
         assert_eq!(mesh.targets.len(), 3);
         assert_eq!(mesh.faces.sizes.is_empty(), n < 3, "{n}");
         let mut used = vec![false; n];
@@ -38,7 +38,7 @@ fn the_number_of_vertices_is_exact() {
 }
 
 /// Returns, for each vertex, the first vertex of its surface. The skin is the surface of vertex 0.
-fn pieces(source: &MorphSource) -> Vec<u32> {
+fn pieces(source: &Mesh) -> Vec<u32> {
     fn root(of: &mut [u32], mut v: u32) -> u32 {
         while of[v as usize] != v {
             of[v as usize] = of[of[v as usize] as usize];
@@ -115,7 +115,7 @@ fn the_first_targets_have_the_arkit_names() {
 fn targets_move_the_fraction_that_was_asked_for() {
     for (sparsity, targets) in [(0.02, 52), (0.12, 72), (0.25, 120), (0.5, 52), (0.9, 60), (1.0, 80)] {
         let source = head(&desc(6000, targets, sparsity));
-        let mesh = source.to_mesh(Tolerance { normal: 1e9, ..Default::default() }).unwrap();
+        let mesh = source.kept(Tolerance { normal: 1e9, ..Default::default() }).unwrap();
         let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
         let mean = moved as f32 / (6000 * targets) as f32;
         let most = if sparsity == 1.0 { 1e-6 } else { 0.2 };
@@ -130,7 +130,7 @@ fn values_out_of_range_are_clamped() {
     for sparsity in [-1.0, 0.0, f32::NAN, 7.0, f32::INFINITY] {
         let source = head(&desc(0, 2, sparsity));
         assert_eq!((source.positions.len(), source.targets.len()), (1, 2));
-        assert!(source.to_mesh(Tolerance::default()).is_ok());
+        assert!(source.kept(Tolerance::default()).is_ok());
     }
     for fps in [0.0, -1.0, f32::NAN, f32::INFINITY] {
         assert_eq!(head_clip(&desc(9, 2, 0.1), 3, fps).fps, 30.0);

@@ -3,16 +3,16 @@
 use crate::data;
 use deltamorph::import::csv;
 use deltamorph::import::obj::import_folder;
-use deltamorph::{MorphMesh, MorphSource, Tolerance};
+use deltamorph::{KeptMesh, Mesh, Tolerance};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
-fn kept(mesh: &MorphMesh) -> f64 {
+fn kept(mesh: &KeptMesh) -> f64 {
     let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
     moved as f64 / (mesh.targets.len() * mesh.vertex_count()) as f64
 }
 
-fn pose(mesh: &MorphMesh, weights: &[f32]) -> Vec<DVec3> {
+fn pose(mesh: &KeptMesh, weights: &[f32]) -> Vec<DVec3> {
     let mut pose: Vec<DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
     for (target, &w) in mesh.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
         for (&v, delta) in target.vertices.iter().zip(&target.positions) {
@@ -23,11 +23,11 @@ fn pose(mesh: &MorphMesh, weights: &[f32]) -> Vec<DVec3> {
 }
 
 /// Returns the largest error of the default tolerance over a clip, as a fraction of the diagonal.
-fn error_over_clip(source: &MorphSource, folder: &Path, clip: &str) -> f64 {
+fn error_over_clip(source: &Mesh, folder: &Path, clip: &str) -> f64 {
     let clip = csv::read(&folder.join("weights").join(clip), None).unwrap();
     assert_eq!(clip.fps, if clip.name.contains("24fps") { 24.0 } else { 30.0 });
     let names: Vec<&str> = source.targets.iter().map(|t| t.name.as_str()).collect();
-    let (raw, mesh) = (source.to_mesh(Tolerance::ZERO).unwrap(), source.to_mesh(Tolerance::default()).unwrap());
+    let (raw, mesh) = (source.kept(Tolerance::ZERO).unwrap(), source.kept(Tolerance::default()).unwrap());
     let frames: Vec<_> = clip.bind(&names).unwrap().frames().collect();
     let step = (frames.len() / 60).max(1);
     let errors = frames.iter().step_by(step).map(|w| {
@@ -38,10 +38,10 @@ fn error_over_clip(source: &MorphSource, folder: &Path, clip: &str) -> f64 {
 }
 
 /// A data set, if it is there: its folder, what it states, and the mesh.
-fn imported(set: &str) -> Option<(PathBuf, MorphSource, MorphMesh)> {
+fn imported(set: &str) -> Option<(PathBuf, Mesh, KeptMesh)> {
     let folder = data::set(set)?;
     let source = import_folder(&folder).unwrap();
-    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    let mesh = source.kept(Tolerance::default()).unwrap();
     Some((folder, source, mesh))
 }
 
@@ -68,7 +68,7 @@ fn facecap_head() {
     assert_eq!((mesh.vertex_count(), mesh.targets.len(), source.notes.len()), (2694, 52, 0));
     assert!(mesh.targets[mesh.target_index("tongueOut").unwrap()].vertices.is_empty());
     // No delta of this set is noise: all are kept.
-    assert_eq!(mesh.targets, source.to_mesh(Tolerance::ZERO).unwrap().targets);
+    assert_eq!(mesh.targets, source.kept(Tolerance::ZERO).unwrap().targets);
     assert!((0.179..0.19).contains(&kept(&mesh)), "{}", kept(&mesh));
     assert_eq!(error_over_clip(&source, &folder, "facecap_30fps.csv"), 0.0);
 }

@@ -1,12 +1,12 @@
 //! A captured ARKit clip plays on each of the faces, whose names are spelt in other ways.
 
 use crate::data;
-use deltamorph::MorphSource;
-use deltamorph::import::{ImportDesc, ImportedMesh, csv, open};
+use deltamorph::Mesh;
+use deltamorph::import::{ImportedMesh, csv, open};
 use deltamorph_head::{HeadDesc, head};
 
-fn mesh(name: &str) -> Option<MorphSource> {
-    match open(&data::set(name)?, &ImportDesc::default()).unwrap().mesh {
+fn mesh(name: &str) -> Option<Mesh> {
+    match open(&data::set(name)?).unwrap().mesh {
         ImportedMesh::Source(source) => Some(source),
         ImportedMesh::Packed(_) => panic!("{name} is a folder"),
     }

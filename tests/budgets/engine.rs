@@ -131,7 +131,7 @@ fn make(tuning: DeviceTuning) {
 /// `cmd` is recording, and is never submitted; `output` is a storage buffer of the engine's device.
 unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::Buffer) {
     let head_desc = HeadDesc { vertices: 300, targets: 4, ..Default::default() };
-    let mesh = head(&head_desc).to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = head(&head_desc).kept(Tolerance::default()).expect("a mesh");
     let clips = [head_clip(&head_desc, 2, 30.0)];
     let animation = AnimationDesc::new(&clips);
     for format in DeltaFormat::ALL {

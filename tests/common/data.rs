@@ -2,7 +2,7 @@
 #![allow(dead_code)] // a program may need no clip
 
 use deltamorph::import::{csv, obj};
-use deltamorph::{MorphMesh, Tolerance};
+use deltamorph::{KeptMesh, Tolerance};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -23,9 +23,9 @@ pub fn set(name: &str) -> Option<PathBuf> {
 }
 
 /// Returns the mesh of a set, and the weights of each frame of a clip of its.
-pub fn face(name: &str, clip: &str) -> Option<(MorphMesh, Vec<Vec<f32>>)> {
+pub fn face(name: &str, clip: &str) -> Option<(KeptMesh, Vec<Vec<f32>>)> {
     let folder = set(name)?;
-    let mesh = obj::import_folder(&folder).expect("a folder that imports").to_mesh(Tolerance::default());
+    let mesh = obj::import_folder(&folder).expect("a folder that imports").kept(Tolerance::default());
     let mesh = mesh.expect("a mesh");
     let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
     let names: Vec<&str> = mesh.targets.iter().map(|target| target.name.as_str()).collect();

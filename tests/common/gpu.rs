@@ -5,7 +5,7 @@ use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};
 use deltamorph::packed::{PackedGroup, PoseGrid};
 use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
-    AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, GpuMesh, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc,
+    AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, GpuMesh, KeptMesh, MorphEngine, POSE_FLOATS, PackDesc,
     PackedMesh, PoseError, PoseFormat, UpdateDesc, UpdatePath, WeightClip,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
@@ -17,7 +17,7 @@ pub const POSITION: f64 = 3e-6;
 pub const NORMAL: f64 = 0.01;
 
 /// Packs `mesh` for the device.
-pub fn packed(engine: &MorphEngine, mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
+pub fn packed(engine: &MorphEngine, mesh: &KeptMesh, format: DeltaFormat) -> PackedMesh {
     PackedMesh::pack(mesh, &engine.pack_desc(format)).expect("a mesh that fits")
 }
 
@@ -294,7 +294,7 @@ pub fn recorded<C: AnyCrowd + 'static>(
 }
 
 /// Packs `mesh`, of 1000 vertices and 37 targets, for a device whose descriptors cover 128 vertices.
-pub fn in_eight_chunks(mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
+pub fn in_eight_chunks(mesh: &KeptMesh, format: DeltaFormat) -> PackedMesh {
     let max_chunk_bytes = 128 * 37 * format.stride() as u64;
     let desc = PackDesc { max_chunk_bytes, ..PackDesc::new(format) };
     let mesh = PackedMesh::pack(mesh, &desc).expect("a mesh that fits");

@@ -25,14 +25,14 @@ pub fn head_desc() -> HeadDesc {
 }
 
 pub fn packed(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
-    let mesh = head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = head(&head_desc()).kept(Tolerance::default()).expect("a mesh");
     let blocks = BlockDesc { size: Some(size), ..Default::default() };
     Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs"))
 }
 
 /// Packs the same head with tangents, texture coordinates and colours.
 pub fn packed_streams(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
-    let mesh = testing::with_streams(head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh"));
+    let mesh = testing::with_streams(head(&head_desc()).kept(Tolerance::default()).expect("a mesh"));
     let blocks = BlockDesc { size: Some(size), ..Default::default() };
     let packed = PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs");
     assert_eq!(packed.groups().len(), 3);

@@ -4,8 +4,8 @@
 
 use deltamorph::glam::Vec3;
 use deltamorph::internals::diagonal;
-use deltamorph::mesh::{MorphTarget, StreamData, StreamDeltas};
-use deltamorph::{MorphMesh, Semantic, Tolerance};
+use deltamorph::mesh::{KeptTarget, StreamData, StreamDeltas};
+use deltamorph::{KeptMesh, Semantic, Tolerance};
 
 /// Checks that `result` is an error whose text has each of `words`.
 pub fn says<T, E: std::fmt::Display>(result: Result<T, E>, words: &[&str]) {
@@ -24,14 +24,14 @@ fn vector(seed: u64) -> Vec3 {
 }
 
 /// `vertices` random points, `targets` targets that each move two vertices of three; target 2 is empty.
-pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
+pub fn mesh(vertices: usize, targets: usize) -> KeptMesh {
     let positions: Vec<Vec3> = (0..vertices as u64).map(|i| vector(i) * 10.0).collect();
     let target = |t: usize| {
         let moved: Vec<u32> = (0..vertices as u32).filter(|v| t != 2 && !(*v as usize + t).is_multiple_of(3)).collect();
         let seeded =
             |salt: u64| moved.iter().map(|&v| vector(u64::from(v) + (t as u64 + 1) * 1_000_003 + salt)).collect();
         let (positions, normals): (Vec<Vec3>, Vec<Vec3>) = (seeded(7), seeded(11));
-        MorphTarget {
+        KeptTarget {
             name: format!("target_{t}"),
             positions,
             normals: normals.iter().map(|n| *n * 0.1).collect(),
@@ -39,20 +39,20 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
             streams: vec![],
         }
     };
-    MorphMesh {
+    KeptMesh {
         name: format!("test_{vertices}x{targets}"),
         diagonal: diagonal(&positions),
         normals: (0..vertices as u64).map(|i| vector(i + 500_000).try_normalize().unwrap_or(Vec3::Z)).collect(),
         positions,
         targets: (0..targets).map(target).collect(),
         tolerance: Tolerance::ZERO,
-        ..MorphMesh::default()
+        ..KeptMesh::default()
     }
 }
 
 /// `mesh` with tangents, texture coordinates, colours and wrinkle masks, which its targets move as well, and a few
 /// vertices besides.
-pub fn with_streams(mut mesh: MorphMesh) -> MorphMesh {
+pub fn with_streams(mut mesh: KeptMesh) -> KeptMesh {
     let vertices = mesh.vertex_count();
     let handed = |v: u64| if v.is_multiple_of(2) { 1.0 } else { -1.0 };
     let tangent = |v: u64| vector(v + 900_000).try_normalize().unwrap_or(Vec3::X).extend(handed(v)).to_array();
@@ -81,7 +81,7 @@ pub fn with_streams(mut mesh: MorphMesh) -> MorphMesh {
 
 /// A mesh whose groups reach very different ranges, determined by `seed`: a vertex far from the others, texture
 /// coordinates of many tiles, bright colours, or none of these.
-pub fn uneven(seed: u64) -> MorphMesh {
+pub fn uneven(seed: u64) -> KeptMesh {
     let dice = |salt: u64, sides: f32| ((noise(seed * 16 + salt) + 1.0) / 2.0 * sides) as usize;
     let (vertices, targets) = ([40, 130, 300][dice(1, 3.0)], [3, 12, 60][dice(2, 3.0)]);
     let mut mesh = with_streams(mesh(vertices, targets));
@@ -102,10 +102,10 @@ pub fn cases(default: u64) -> u64 {
 
 /// Meshes that have next to nothing: of one vertex, without targets, with more targets than vertices, with nothing but
 /// empty targets.
-pub fn degenerate() -> Vec<MorphMesh> {
+pub fn degenerate() -> Vec<KeptMesh> {
     let mut empty = mesh(100, 5);
     for target in &mut empty.targets {
-        *target = MorphTarget { name: target.name.clone(), ..Default::default() };
+        *target = KeptTarget { name: target.name.clone(), ..Default::default() };
     }
     let sizes = [(1, 1), (1, 0), (63, 3), (64, 1), (65, 0), (2, 300)];
     sizes.into_iter().map(|(vertices, targets)| mesh(vertices, targets)).chain([empty]).collect()

@@ -8,7 +8,7 @@ use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 use deltamorph::memory::SharedAllocator;
 use deltamorph::{
-    BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, HostPoses, MorphEngine, MorphMesh, PackedMesh,
+    BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, HostPoses, KeptMesh, MorphEngine, PackedMesh,
     PoseFormat, Semantic, UpdateDesc, UpdatePath, VertexLayout,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex};
 
 fn packed(engine: &MorphEngine, format: DeltaFormat, with_streams: bool) -> PackedMesh {
     let mesh = testing::mesh(300, 11);
-    let mesh: MorphMesh = if with_streams { testing::with_streams(mesh) } else { mesh };
+    let mesh: KeptMesh = if with_streams { testing::with_streams(mesh) } else { mesh };
     gpu::packed(engine, &mesh, format)
 }
 

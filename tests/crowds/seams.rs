@@ -6,7 +6,7 @@ use deltamorph::mesh::{Corner, StreamData, StreamDeltas};
 use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::reference::evaluate;
 use deltamorph::{
-    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS, PackDesc, PackedMesh, PoseFormat,
+    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, KeptMesh, Mesh, POSE_FLOATS, PackDesc, PackedMesh, PoseFormat,
     Semantic, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head};
@@ -15,7 +15,7 @@ use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
 /// Makes the built-in head with a texture of many charts: every eighth face is its own chart.
-fn charts() -> MorphSource {
+fn charts() -> Mesh {
     let mut source = head(&HeadDesc { vertices: 3000, targets: 40, ..Default::default() });
     let before = source.texcoords.clone();
     for (face, corners) in source.faces.corners.chunks_mut(3).enumerate().filter(|(face, _)| face % 8 == 0) {
@@ -27,12 +27,12 @@ fn charts() -> MorphSource {
     source
 }
 
-fn split(source: &MorphSource) -> MorphMesh {
-    source.split().unwrap().to_mesh(Tolerance::default()).unwrap()
+fn split(source: &Mesh) -> KeptMesh {
+    source.split().unwrap().kept(Tolerance::default()).unwrap()
 }
 
 /// Adds tangents, which move with the positions.
-fn with_tangents(mut source: MorphSource) -> MorphSource {
+fn with_tangents(mut source: Mesh) -> Mesh {
     let tangent = |p: &Vec3| Vec3::Y.cross(*p).try_normalize().unwrap_or(Vec3::X).extend(1.0).to_array();
     let values = source.positions.iter().flat_map(tangent).collect();
     source.streams = vec![StreamData { semantic: Semantic::Tangent, values }];
@@ -45,13 +45,13 @@ fn with_tangents(mut source: MorphSource) -> MorphSource {
 }
 
 /// Returns the corners of all triangles, as stated by the faces.
-fn corners(source: &MorphSource) -> Vec<Corner> {
+fn corners(source: &Mesh) -> Vec<Corner> {
     let fan = |face: &[Corner]| (1..face.len() - 1).flat_map(|i| [face[0], face[i], face[i + 1]]).collect::<Vec<_>>();
     source.faces.iter().flat_map(fan).collect()
 }
 
 /// Returns doubled vertices, and their originals.
-fn doubled(mesh: &MorphMesh) -> Vec<(usize, usize)> {
+fn doubled(mesh: &KeptMesh) -> Vec<(usize, usize)> {
     let pairs: Vec<(usize, usize)> =
         (0..).zip(&mesh.welds).map(|(v, &of)| (v, of as usize)).filter(|(v, of)| v != of).collect();
     assert!(pairs.len() > 50);
@@ -65,7 +65,7 @@ fn parted(pose: &[f32], pairs: &[(usize, usize)]) -> Option<(usize, usize)> {
 }
 
 /// Packs in every format, and with blocks of every size.
-fn pack(mesh: &MorphMesh) -> impl Iterator<Item = Arc<PackedMesh>> {
+fn pack(mesh: &KeptMesh) -> impl Iterator<Item = Arc<PackedMesh>> {
     let sizes = |format: DeltaFormat| if format.is_blocks() { &BLOCK_SIZES[..] } else { &[64] };
     let all =
         DeltaFormat::ALL.into_iter().flat_map(move |format| sizes(format).iter().map(move |&size| (format, size)));
@@ -110,9 +110,9 @@ fn a_mesh_is_drawn_with_texture_coordinates_from_one_index_buffer() {
     let expected: Vec<(Vec3, Vec2)> = (corners(&source).into_iter())
         .map(|c| (source.positions[c.position as usize], source.texcoords[c.texcoord.unwrap() as usize]))
         .collect();
-    for (mesh, is_split) in [(split(&source), true), (source.to_mesh(Tolerance::default()).unwrap(), false)] {
+    for (mesh, is_split) in [(split(&source), true), (source.kept(Tolerance::default()).unwrap(), false)] {
         for packed in pack(&mesh) {
-            let render = packed.render_vertices(&mesh.faces, &mesh.texcoords).unwrap();
+            let render = packed.render_vertices().unwrap();
             let pulled = render.pose_vertices.iter().enumerate().filter(|(i, pose)| *i as u32 != **pose).count();
             assert_eq!(pulled == 0, is_split);
             let vertex = |&index: &u32| {
@@ -122,8 +122,9 @@ fn a_mesh_is_drawn_with_texture_coordinates_from_one_index_buffer() {
             assert_eq!(render.indices.iter().map(vertex).collect::<Vec<_>>(), expected);
         }
     }
-    let packed = pack(&split(&source)).next().unwrap();
-    assert!(packed.render_vertices(&source.faces, &[]).is_err());
+    let mut packed = PackedMesh::clone(&pack(&split(&source)).next().unwrap());
+    packed.texcoords.clear();
+    assert!(packed.render_vertices().is_err());
 }
 
 #[test]

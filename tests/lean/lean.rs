@@ -3,7 +3,7 @@
 
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, Crowd, DeltaFormat, GpuMesh, MorphEngine, MorphMesh, PackDesc, PackedMesh, Tolerance,
+    BatchSize, CpuCrowd, Crowd, DeltaFormat, GpuMesh, KeptMesh, MorphEngine, PackDesc, PackedMesh, Tolerance,
     UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 fn what_hosts_keep_may_change_threads() {
     fn send<T: Send>() {}
     fn send_and_sync<T: Send + Sync>() {}
-    send_and_sync::<MorphMesh>();
+    send_and_sync::<KeptMesh>();
     send_and_sync::<PackedMesh>();
     send_and_sync::<deltamorph::Error>();
     send_and_sync::<CpuCrowd>();
@@ -26,7 +26,7 @@ fn what_hosts_keep_may_change_threads() {
 #[test]
 fn a_mesh_is_packed_and_played_on_the_cpu() {
     let source = head(&HeadDesc { vertices: 900, targets: 7, ..Default::default() });
-    let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = source.kept(Tolerance::default()).expect("a mesh");
     for format in DeltaFormat::ALL {
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs"));
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);

@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 const ROOMS: &[(&str, &str)] = &[
     ("error", ""),
     ("math", ""),
+    ("names", ""),
     ("io", "error"),
-    ("asset", "error math"),
-    ("weights", "error"),
+    ("asset", "error math names"),
+    ("weights", "error names"),
     ("abi", "error asset"),
-    ("pack", "error math io asset abi"),
+    ("pack", "error math names io asset weights abi"),
     ("lod", "error math asset weights pack"),
     ("plan", "error math abi pack"),
     ("crowd", "error pack plan"),
@@ -22,7 +23,7 @@ const ROOMS: &[(&str, &str)] = &[
     ("cpu", "error asset weights abi pack plan crowd update"),
     ("after", "error asset abi pack plan gpu update"),
     ("reference", "math asset pack after"),
-    ("import", "error math io asset weights pack"),
+    ("import", "error math names io asset weights pack"),
     ("engine", "error asset abi pack plan crowd gpu update after"),
 ];
 

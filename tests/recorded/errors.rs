@@ -9,9 +9,9 @@ use deltamorph::import::{csv, obj};
 use deltamorph::mesh::{StreamData, StreamDeltas};
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
-    Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, HostPoses,
-    MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic, Tolerance, UpdateDesc,
-    UpdatePath, VertexLayout, WeightBounds, WeightClip,
+    BatchSize, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, HostPoses, KeptMesh, Mesh,
+    MorphEngine, PackDesc, PackedMesh, PoseFormat, Result, Semantic, Tolerance, UpdateDesc, UpdatePath, VertexLayout,
+    WeightBounds, WeightClip,
 };
 use deltamorph_headless::Headless;
 use std::sync::Arc;
@@ -27,13 +27,13 @@ fn packed(format: DeltaFormat) -> PackedMesh {
 #[test]
 fn what_is_no_mesh_is_refused() {
     let good = deltamorph_head::head(&deltamorph_head::HeadDesc { vertices: 200, targets: 2, ..Default::default() });
-    let refused = |change: &dyn Fn(&mut MorphSource), words: &str| {
+    let refused = |change: &dyn Fn(&mut Mesh), words: &str| {
         let mut source = good.clone();
         change(&mut source);
-        says(source.to_mesh(Tolerance::default()), words);
+        says(source.kept(Tolerance::default()), words);
         source
     };
-    let streams = |source: &mut MorphSource, semantics: &[Semantic], values: Vec<f32>| {
+    let streams = |source: &mut Mesh, semantics: &[Semantic], values: Vec<f32>| {
         source.streams = semantics.iter().map(|&semantic| StreamData { semantic, values: values.clone() }).collect();
         source.targets.iter_mut().for_each(|t| t.streams = vec![StreamDeltas::default(); semantics.len()]);
     };
@@ -47,13 +47,14 @@ fn what_is_no_mesh_is_refused() {
     let long = vec![StreamDeltas { vertices: vec![0], deltas: vec![0.0; 3] }];
     let two = vec![StreamDeltas::default(); 2];
     for (deltas, words) in [(two, "has deltas of 2 streams"), (long, "give 2 numbers per vertex")] {
-        let change = |s: &mut MorphSource| {
+        let change = |s: &mut Mesh| {
             streams(s, &[Semantic::TexCoord(1)], vec![0.0; 2 * count]);
             s.targets[1].streams.clone_from(&deltas);
         };
         refused(&change, words);
     }
     refused(&|s| s.welds = vec![0; count], "weld");
+    refused(&|s| s.origin.y = f32::NAN, "an origin of");
     refused(&|s| (s.positions[3].x, s.positions[4].x) = (f32::MAX, f32::MIN), "scale the mesh down");
     let mut torn = refused(&|s| s.faces.corners[0].position = u32::MAX, "vertex 4294967295");
     says(torn.split(), "vertex 4294967295");
@@ -85,12 +86,11 @@ fn what_cannot_be_written_is_refused() {
         says(csv::read(&path, Some(fps)), "the frame rate is");
     }
 
-    let mut asset = Asset::pack(&testing::mesh(100, 4), &PackDesc::new(DeltaFormat::Small)).expect("an asset");
-    says(asset.write(folder.path()), "cannot write");
-    asset.mesh = packed(DeltaFormat::Float32);
-    says(asset.to_bytes(), "block format");
-    says(asset.write(&folder.path().join("a.dmorph")), "block format");
-    says(asset.to_mesh(), "has no blocks");
+    says(packed(DeltaFormat::Small).write(folder.path()), "cannot write");
+    let dense = packed(DeltaFormat::Float32);
+    says(dense.to_bytes(), "block format");
+    says(dense.write(folder.path().join("a.dmorph")), "block format");
+    says(dense.unpack(), "has no blocks");
     says(deltamorph::import::obj::ObjFile::read(&folder.path().join("none.obj")), "cannot read");
     says(obj::import_folder(&folder.path().join("none")), "none");
 }
@@ -248,7 +248,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
 #[test]
 fn meshes_without_vertices_are_refused() {
     gpu::on_every_device(|headless, engine| {
-        let empty = PackedMesh::pack(&MorphMesh::default(), &PackDesc::new(DeltaFormat::Fast)).expect("nothing");
+        let empty = PackedMesh::pack(&KeptMesh::default(), &PackDesc::new(DeltaFormat::Fast)).expect("nothing");
         // SAFETY: everything is refused: nothing is recorded.
         unsafe {
             says(headless.run(|cmd| engine.upload(cmd, &empty)), "has no vertices; leave it out");

@@ -2,7 +2,6 @@
 
 use crate::gpu::{self, drivers, on_every_device};
 use crate::testing;
-use deltamorph::reference::evaluate_unpacked;
 use deltamorph::{DeltaFormat, PackDesc, PackedMesh, UpdateDesc};
 use deltamorph_headless::{Draws, Headless, HeadlessCrowd};
 use std::slice::from_mut;
@@ -58,18 +57,8 @@ fn a_panic_between_planning_and_recording_takes_the_update_back() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_or_comes_out_as_nan() {
+fn what_does_not_fit_comes_out_as_nan() {
     let mesh = testing::mesh(100, 4);
-    let refused = |change: &dyn Fn(&mut deltamorph::MorphMesh), words: &str| {
-        let mut bad = mesh.clone();
-        change(&mut bad);
-        testing::says(PackedMesh::pack(&bad, &PackDesc::new(DeltaFormat::Fast)), &[words]);
-        assert!(evaluate_unpacked(&bad, &[1.0; 4]).iter().all(|number| number.is_nan()), "{words}");
-    };
-    refused(&|mesh| mesh.normals.truncate(99), "stream 'normal' has 297 numbers; 100 vertices take 300");
-    refused(&|mesh| mesh.targets[1].positions.truncate(1), "do not fit");
-    refused(&|mesh| mesh.targets[1].normals.truncate(1), "do not fit");
-    refused(&|mesh| mesh.targets[1].vertices[0] = 100, "do not fit");
     for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh");
         let kept = packed.layout().to_user_order(&packed.base()[..6 * 10]);

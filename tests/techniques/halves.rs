@@ -4,13 +4,13 @@ use super::poses::check;
 use super::table::{can_read, history};
 use crate::gpu::{on_every_device, packed, single};
 use crate::testing;
-use deltamorph::mesh::{MorphTarget, StreamDeltas};
-use deltamorph::{BatchSize, DeltaFormat, MorphMesh, UpdateDesc, UpdatePath};
+use deltamorph::mesh::{KeptTarget, StreamDeltas};
+use deltamorph::{BatchSize, DeltaFormat, KeptMesh, UpdateDesc, UpdatePath};
 use deltamorph_headless::HeadlessCrowd;
 use glam::Vec3;
 
 /// Returns `mesh` with its deltas cut to half floats: 10 bits after the first, and steps of 2^-24 below 2^-14.
-fn of_halves(mut mesh: MorphMesh) -> MorphMesh {
+fn of_halves(mut mesh: KeptMesh) -> KeptMesh {
     let cut = |value: f32| match value.abs() < 2f32.powi(-14) {
         true => (value * 2f32.powi(24)).trunc() * 2f32.powi(-24),
         false => f32::from_bits(value.to_bits() & !0x1fff),
@@ -25,7 +25,7 @@ fn of_halves(mut mesh: MorphMesh) -> MorphMesh {
 }
 
 /// Returns a mesh with a first target that moves each vertex.
-fn reaching(mut mesh: MorphMesh) -> MorphMesh {
+fn reaching(mut mesh: KeptMesh) -> KeptMesh {
     let vertices = mesh.vertex_count() as u32;
     mesh.targets[0].vertices = (0..vertices).collect();
     // Below 2^-14 half floats have fewer bits; this detects hardware that flushes them to 0.
@@ -45,7 +45,7 @@ fn half_floats_are_kept_as_such_and_give_the_same_poses() {
         .streams
         .iter()
         .map(|stream| StreamDeltas { vertices: vec![0], deltas: vec![third; stream.semantic.morphing_components()] });
-    wide.targets.push(MorphTarget {
+    wide.targets.push(KeptTarget {
         name: "a third".into(),
         vertices: vec![0],
         positions: vec![Vec3::splat(third)],

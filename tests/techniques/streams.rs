@@ -5,12 +5,11 @@ use super::table::{ROWS, can_read, for_every_update, keep_supported, variants};
 use crate::gpu::{self, NORMAL, POSITION, on_every_device, update_descs, weights};
 use crate::hazards::{Event, HazardChecker};
 use crate::testing;
-use deltamorph::mesh::SourceTarget;
+use deltamorph::mesh::MorphTarget;
 use deltamorph::packed::PackedGroup;
 use deltamorph::reference::compare_group;
 use deltamorph::{
-    CpuCrowd, CrowdDesc, DeltaFormat, MorphMesh, MorphSource, PackDesc, PackedMesh, Semantic, Tolerance, UpdateDesc,
-    UpdatePath,
+    CpuCrowd, CrowdDesc, DeltaFormat, KeptMesh, Mesh, PackDesc, PackedMesh, Semantic, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::{Draws, Headless, HeadlessCrowd};
 use std::sync::Arc;
@@ -19,7 +18,7 @@ const TARGETS: usize = 11;
 const HEADS: usize = 3;
 
 /// Makes a source with every kind of stream; target 2 moves nothing, and the last one only tangents.
-fn source() -> MorphSource {
+fn source() -> Mesh {
     let mesh = testing::with_streams(testing::mesh(300, TARGETS));
     let targets = mesh.targets.iter().enumerate().map(|(t, target)| {
         let moved = if t + 1 < TARGETS { &target.vertices[..] } else { &[] };
@@ -29,20 +28,20 @@ fn source() -> MorphSource {
         if t + 1 == TARGETS {
             streams[1..].iter_mut().for_each(|stream| *stream = Default::default());
         }
-        SourceTarget { name: target.name.clone(), positions, normals: Some(normals), streams }
+        MorphTarget { name: target.name.clone(), positions, normals: Some(normals), streams }
     });
-    MorphSource {
+    Mesh {
         name: "streams".into(),
         targets: targets.collect(),
         normals: Some(mesh.normals.clone()),
         positions: mesh.positions.clone(),
         streams: mesh.streams.clone(),
-        ..MorphSource::default()
+        ..Mesh::default()
     }
 }
 
 fn packed(desc: &PackDesc) -> PackedMesh {
-    let mesh = source().to_mesh(Tolerance::ZERO).expect("a mesh that is right");
+    let mesh = source().kept(Tolerance::ZERO).expect("a mesh that is right");
     let packed = PackedMesh::pack(&mesh, desc).expect("a mesh that fits");
     assert_eq!(packed.groups().len(), 3, "position and normal; tangent and texture coordinates; colours and masks");
     packed
@@ -141,8 +140,8 @@ fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u32) 
 /// Every stream, or positions and normals on techniques that support only these.
 #[test]
 fn every_technique_updates_every_stream_of_a_crowd() {
-    let streams = source().to_mesh(Tolerance::ZERO).expect("a mesh that is right");
-    let plain = MorphMesh { streams: vec![], ..streams.clone() };
+    let streams = source().kept(Tolerance::ZERO).expect("a mesh that is right");
+    let plain = KeptMesh { streams: vec![], ..streams.clone() };
     for (mesh, with_streams) in [(streams, true), (plain, false)] {
         for_every_update(&DeltaFormat::ALL, &mesh, |headless, mesh, desc| {
             if ROWS[desc.path as usize].streams == with_streams {

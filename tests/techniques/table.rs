@@ -3,7 +3,7 @@
 use crate::gpu;
 use deltamorph::DeltaFormat::{Float32, Small};
 use deltamorph::{
-    BatchSize, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackedMesh, UpdateDesc, UpdateMode, UpdatePath,
+    BatchSize, DeltaFormat, DeviceCaps, KeptMesh, MorphEngine, PackedMesh, UpdateDesc, UpdateMode, UpdatePath,
 };
 use deltamorph_headless::Headless;
 
@@ -141,7 +141,7 @@ pub fn updates(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
 }
 
 /// Runs `test` on every device with `mesh` in each format, and every update of it.
-pub fn for_every_update(formats: &[DeltaFormat], mesh: &MorphMesh, test: impl Fn(&Headless, &PackedMesh, UpdateDesc)) {
+pub fn for_every_update(formats: &[DeltaFormat], mesh: &KeptMesh, test: impl Fn(&Headless, &PackedMesh, UpdateDesc)) {
     gpu::on_every_device(|headless, engine| {
         for &format in formats {
             let mesh = gpu::packed(engine, mesh, format);

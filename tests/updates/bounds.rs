@@ -21,7 +21,7 @@ fn extent<T: Copy + PartialOrd>(pose: &[T]) -> [T; 6] {
 fn bounds_from_weights_hold_poses_of_the_device() {
     gpu::on_every_device(|headless, engine| {
         let mesh = head(&HeadDesc { vertices: 900, targets: 37, sparsity: 0.05, seed: 3 });
-        let mesh = mesh.to_mesh(Tolerance::default()).expect("a mesh");
+        let mesh = mesh.kept(Tolerance::default()).expect("a mesh");
         for (format, update) in gpu::updates(headless) {
             let packed = gpu::packed(engine, &mesh, format);
             let mut crowd = HeadlessCrowd::new(headless, &packed, &CrowdDesc::new(update)).expect("a crowd");

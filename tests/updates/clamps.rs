@@ -8,7 +8,7 @@ use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::{self, vk};
 use deltamorph::reference::compare;
 use deltamorph::{
-    BatchSize, Consumers, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, MorphEngine, MorphMesh,
+    BatchSize, Consumers, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, KeptMesh, MorphEngine,
     PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head};
@@ -192,7 +192,7 @@ fn engine(headless: &Headless, limits: &DeviceCaps) -> MorphEngine {
 }
 
 /// Two instances, with steps after the pose: decoded; skinned, and normals of the surface.
-fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, update): (DeltaFormat, UpdateDesc)) {
+fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, update): (DeltaFormat, UpdateDesc)) {
     let what = format!("{} {format:?} {update:?}", headless.caps().name);
     let packed = gpu::packed(engine, mesh, format);
     let (vertices, diagonal) = (packed.layout().vertex_count, f64::from(packed.layout().diagonal));
@@ -256,7 +256,7 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, u
 #[test]
 fn every_call_keeps_to_the_limits_and_poses_are_right() {
     let mesh = head(&HeadDesc { vertices: 900, targets: 37, sparsity: 0.15, seed: 3 });
-    let mesh = mesh.to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = mesh.kept(Tolerance::default()).expect("a mesh");
     let dense = |batch| (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, batch));
     let updates = [
         (DeltaFormat::Fast, UpdateDesc::blocks()),

@@ -3,10 +3,10 @@
 use crate::data;
 use crate::gpu;
 use crate::testing;
-use deltamorph::mesh::MorphTarget;
+use deltamorph::mesh::KeptTarget;
 use deltamorph::reference::{angle_degrees, evaluate};
 use deltamorph::{
-    BlockDesc, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc,
+    BlockDesc, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc,
     UpdatePath,
 };
 use deltamorph_headless::HeadlessCrowd;
@@ -156,14 +156,14 @@ fn weights_beyond_the_largest_are_refused_with_the_remedy() {
 }
 
 /// Makes a target that moves one vertex, in all three components.
-fn one_vertex(mesh: &MorphMesh, name: &str, vertex: u32) -> MorphTarget {
+fn one_vertex(mesh: &KeptMesh, name: &str, vertex: u32) -> KeptTarget {
     let part = |v: glam::Vec3| vec![v * 0.25 + 0.01];
     let (position, normal) = (mesh.positions[vertex as usize], mesh.normals[vertex as usize]);
-    MorphTarget {
+    KeptTarget {
         name: name.into(),
         vertices: vec![vertex],
         positions: part(position),
         normals: part(normal),
-        ..MorphTarget::default()
+        ..KeptTarget::default()
     }
 }

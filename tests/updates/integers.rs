@@ -21,7 +21,7 @@ const HEADS: usize = 9;
 /// `size` is the number of vertices of blocks, or of chunks of a dense format.
 fn packed(format: DeltaFormat, size: u32, streams: bool) -> Arc<PackedMesh> {
     let source = head(&HeadDesc { vertices: 700, targets: TARGETS, sparsity: 0.15, seed: 5 });
-    let plain = source.to_mesh(Tolerance::default()).expect("a mesh");
+    let plain = source.kept(Tolerance::default()).expect("a mesh");
     let mesh = if streams { testing::with_streams(plain) } else { plain };
     let blocks = BlockDesc { size: Some(size), ..Default::default() };
     let chunk = u64::from(size) * TARGETS as u64 * format.stride() as u64;

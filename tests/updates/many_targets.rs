@@ -3,7 +3,7 @@
 
 use crate::{data, gpu};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath};
+use deltamorph::{CpuCrowd, DeltaFormat, KeptMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath};
 use deltamorph_head::{HeadDesc, Rng, head};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -36,7 +36,7 @@ impl Played {
     }
 }
 
-fn walk(mesh: &MorphMesh, format: DeltaFormat) {
+fn walk(mesh: &KeptMesh, format: DeltaFormat) {
     let packed = Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"));
     let diagonal = f64::from(mesh.diagonal);
     gpu::on_device(&gpu::one(), false, |headless, _| {
@@ -85,7 +85,7 @@ fn walk(mesh: &MorphMesh, format: DeltaFormat) {
 #[test]
 fn hundreds_of_overlapping_targets_come_out_as_requested() {
     let head = head(&HeadDesc { vertices: 1500, targets: 600, sparsity: 0.6, seed: 3 });
-    let head = head.to_mesh(Tolerance::default()).expect("a mesh");
+    let head = head.kept(Tolerance::default()).expect("a mesh");
     for format in DeltaFormat::BLOCKS {
         walk(&head, format);
     }

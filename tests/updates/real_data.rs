@@ -5,14 +5,14 @@ use crate::gpu;
 use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    Asset, BatchSize, CpuCrowd, DeltaFormat, MorphEngine, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance,
-    UpdateDesc, UpdatePath, UpdateStats,
+    BatchSize, CpuCrowd, DeltaFormat, KeptMesh, MorphEngine, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc,
+    UpdatePath, UpdateStats,
 };
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
+fn pack(mesh: &KeptMesh, format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"))
 }
 
@@ -228,16 +228,16 @@ fn a_packed_file_loads_as_it_was_packed() {
     let Some(folder) = data::set("ict_facekit") else { return };
     let (mesh, import) = timed(|| {
         let source = obj::import_folder(&folder).expect("a folder that imports");
-        source.to_mesh(Tolerance::default()).expect("a mesh")
+        source.kept(Tolerance::default()).expect("a mesh")
     });
     let dir = tempfile::tempdir().expect("a folder");
     for format in [DeltaFormat::Small, DeltaFormat::Fast] {
         let path = dir.path().join(format!("ict_{}.dmorph", format.name()));
-        let asset = Asset::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs");
-        asset.write(&path).expect("written");
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs");
+        packed.write(&path).expect("written");
         let mut loads = [(); 3].map(|()| {
-            let (loaded, time) = timed(|| Asset::read(&path).expect("a file that reads"));
-            assert_eq!(loaded, asset);
+            let (loaded, time) = timed(|| PackedMesh::read(&path).expect("a file that reads"));
+            assert_eq!(loaded, packed);
             time
         });
         loads.sort_unstable();

@@ -4,7 +4,7 @@ use super::pose_formats::{PoseCost, Sample, pose_costs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::verify::scale;
-use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh};
+use deltamorph::{DeltaFormat, KeptMesh, PackDesc, PackedMesh};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ impl Measured {
     pub fn of(packed: &Arc<PackedMesh>, held: bool, sample: &Sample<'_>) -> Self {
         let layout = packed.layout();
         // Blocks know their error.
-        let error = layout.blocks.as_ref().map_or_else(|| packed.measure_error(&sample.input.kept), |b| b.error());
+        let error = layout.error().unwrap_or_else(|| packed.measure_error(&sample.input.kept));
         let cost = Cost {
             delta_bytes: layout.delta_bytes(),
             index_bytes: layout.index_bytes(),
@@ -91,7 +91,7 @@ pub fn measure_all(
     formats.iter().map(one).collect()
 }
 
-fn pack(mesh: &MorphMesh, format: DeltaFormat) -> deltamorph::Result<Arc<PackedMesh>> {
+fn pack(mesh: &KeptMesh, format: DeltaFormat) -> deltamorph::Result<Arc<PackedMesh>> {
     // One chunk, regardless of devices: chunks change neither bytes nor values.
     let desc = PackDesc { max_chunk_bytes: u64::MAX, max_chunk_vertices: u64::MAX, ..PackDesc::new(format) };
     Ok(Arc::new(PackedMesh::pack(mesh, &desc)?))
@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn blocks_count_what_is_touched() {
         let mut mesh = mesh();
-        let found = |mesh: &MorphMesh, format| blocks(&pack(mesh, format).expect("packed"));
+        let found = |mesh: &KeptMesh, format| blocks(&pack(mesh, format).expect("packed"));
         let small = found(&mesh, DeltaFormat::Small);
         // Vertices that move together are adjacent: 64 of one target take two blocks, three of another at most three.
         assert_eq!((small.size, small.count), (32, 6));

@@ -6,7 +6,7 @@ use crate::runner::reaching;
 use crate::table::{Column, Table, sig3};
 use crate::verify::{Errors, FAR_OFF, float_rounding, scale};
 use deltamorph::reference::{compare, evaluate_unpacked};
-use deltamorph::{BatchSize, BoundClip, CpuCrowd, MorphMesh, PackedMesh, PoseFormat, UpdateDesc, UpdatePath};
+use deltamorph::{BatchSize, BoundClip, CpuCrowd, KeptMesh, PackedMesh, PoseFormat, UpdateDesc, UpdatePath};
 use deltamorph_head::Rng;
 use glam::DVec3;
 use serde::Serialize;
@@ -109,9 +109,9 @@ struct Moved {
 
 /// What the targets do to each vertex. Without a `source`, errors are those that the packed mesh states for each
 /// target.
-fn moved(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<Moved> {
+fn moved(packed: &PackedMesh, source: Option<&KeptMesh>) -> Vec<Moved> {
     let layout = packed.layout();
-    let stated = layout.blocks.as_ref().map_or(0.0, |blocks| blocks.error().position);
+    let stated = layout.error().map_or(0.0, |error| error.position);
     let mut all = vec![Moved::default(); layout.vertex_count];
     let [mut deltas, mut errors] = [const { vec![] }; 2];
     for target in 0..layout.targets.len() {

@@ -7,9 +7,9 @@ use deltamorph::{Tolerance, WeightClip};
 use std::sync::Arc;
 
 /// 130 vertices in a row; one target moves 0..64 (a whole block), one moves 63, 64 and 129, one moves none.
-pub fn mesh() -> MorphMesh {
+pub fn mesh() -> KeptMesh {
     let positions: Vec<Vec3> = (0..130).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect();
-    let target = |name: &str, vertices: Vec<u32>| MorphTarget {
+    let target = |name: &str, vertices: Vec<u32>| KeptTarget {
         name: name.into(),
         positions: vertices.iter().map(|&v| Vec3::new(0.1, v as f32 * 0.003, -0.2)).collect(),
         normals: vertices.iter().map(|&v| Vec3::new(0.01 * v as f32, 0.2, 0.0)).collect(),
@@ -17,7 +17,7 @@ pub fn mesh() -> MorphMesh {
         streams: vec![],
     };
     let corner = |position| Corner { position, texcoord: None };
-    MorphMesh {
+    KeptMesh {
         name: "row".into(),
         normals: vec![Vec3::Z; positions.len()],
         faces: Faces { sizes: vec![3, 4], corners: [0, 1, 2, 0, 1, 2, 3].map(corner).to_vec() },
@@ -25,7 +25,7 @@ pub fn mesh() -> MorphMesh {
         diagonal: diagonal(&positions),
         tolerance: Tolerance::default(),
         positions,
-        ..MorphMesh::default()
+        ..KeptMesh::default()
     }
 }
 

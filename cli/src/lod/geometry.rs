@@ -1,13 +1,13 @@
 //! Movement of vertices by targets: Hausdorff distances, and the error of a clip that drops some targets.
 
-use deltamorph::mesh::MorphTarget;
-use deltamorph::{BoundClip, MorphMesh};
+use deltamorph::mesh::KeptTarget;
+use deltamorph::{BoundClip, KeptMesh};
 use glam::Vec3;
 use rstar::RTree;
 
 /// Hausdorff distance between the vertices of the base pose and those of `target` at weight 1, in input units: the
 /// largest distance from a vertex of either to the nearest of the other.
-pub fn hausdorff(mesh: &MorphMesh, base: &Tree, target: &MorphTarget) -> f64 {
+pub fn hausdorff(mesh: &KeptMesh, base: &Tree, target: &KeptTarget) -> f64 {
     let mut pose = mesh.positions.clone();
     target.vertices.iter().zip(&target.positions).for_each(|(&v, d)| pose[v as usize] += *d);
     let moved = tree(&pose);
@@ -39,7 +39,7 @@ pub struct Loss {
 
 impl Loss {
     /// Sums over the frames of `clips` and all vertices; without frames, over each target by itself at weight 1.
-    pub fn new(mesh: &MorphMesh, clips: &[BoundClip]) -> Self {
+    pub fn new(mesh: &KeptMesh, clips: &[BoundClip]) -> Self {
         let targets = mesh.targets.len();
         let mut weights = vec![0.0; targets * targets];
         let mut frames = 0;

@@ -4,14 +4,14 @@ use super::picture::{Pixels, mean_square as picture_mse, ssim};
 use super::yee::yee;
 use deltamorph::lod::mean_square;
 use deltamorph::reference::evaluate_unpacked;
-use deltamorph::{MorphMesh, Tolerance, WeightClip};
+use deltamorph::{KeptMesh, Tolerance, WeightClip};
 use deltamorph_head::{HeadDesc, head};
 use glam::Vec3;
 
 /// A small head; its first target moves every vertex by `shift`, its second one twice as far.
-fn shifted(shift: Vec3) -> MorphMesh {
+fn shifted(shift: Vec3) -> KeptMesh {
     let source = head(&HeadDesc { vertices: 1200, targets: 6, ..Default::default() });
-    let mut mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh");
+    let mut mesh = source.kept(Tolerance::ZERO).expect("a mesh");
     for (target, times) in mesh.targets.iter_mut().zip([1.0, 2.0]) {
         target.vertices = (0..mesh.positions.len() as u32).collect();
         target.positions = vec![shift * times; mesh.positions.len()];
@@ -59,7 +59,7 @@ fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
 #[test]
 fn losses_are_those_of_poses_evaluated_in_float64() {
     let mesh =
-        head(&HeadDesc { vertices: 1200, targets: 6, ..Default::default() }).to_mesh(Tolerance::ZERO).expect("a mesh");
+        head(&HeadDesc { vertices: 1200, targets: 6, ..Default::default() }).kept(Tolerance::ZERO).expect("a mesh");
     let names: Vec<String> = mesh.targets.iter().map(|t| t.name.clone()).collect();
     let values: Vec<f32> = (0..6 * 5).map(|i| ((i * 7) % 11) as f32 / 10.0 - 0.2).collect();
     let clip = WeightClip { name: "clip".into(), names: names.clone(), fps: 30.0, values, ..Default::default() };

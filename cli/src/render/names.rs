@@ -1,12 +1,12 @@
 //! Names of a mesh's faces, since importers keep neither groups nor materials.
 
-use deltamorph::MorphMesh;
+use deltamorph::KeptMesh;
 use deltamorph::mesh::Corner;
 use std::path::Path;
 
 /// A name for each face: in a folder, its material in `neutral.obj`, or its group if no face has a material; in the
 /// built-in head, its part. Empty for other kinds of input, or without names.
-pub fn of_faces(input: Option<&Path>, mesh: &MorphMesh) -> Vec<String> {
+pub fn of_faces(input: Option<&Path>, mesh: &KeptMesh) -> Vec<String> {
     match input {
         Some(folder) => {
             of_obj(&String::from_utf8_lossy(&std::fs::read(folder.join("neutral.obj")).unwrap_or_default()))
@@ -16,7 +16,7 @@ pub fn of_faces(input: Option<&Path>, mesh: &MorphMesh) -> Vec<String> {
 }
 
 /// Parts of the built-in head have separate tiles of texture coordinates.
-fn of_head(mesh: &MorphMesh) -> Vec<String> {
+fn of_head(mesh: &KeptMesh) -> Vec<String> {
     const PARTS: [&str; 4] = ["skin", "eye", "teeth", "mouth"];
     let u = |corner: &Corner| corner.texcoord.map_or(0.0, |t| mesh.texcoords[t as usize].x);
     let part = |face: &[Corner]| {

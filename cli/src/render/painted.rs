@@ -2,7 +2,7 @@
 
 use crate::output::Failure;
 use deltamorph::import::gltf::{self, Drawn, DrawnPart};
-use deltamorph::{MorphMesh, Tolerance};
+use deltamorph::{KeptMesh, Tolerance};
 use deltamorph_render::{Face, Material, Part, Surface, parts};
 use std::path::Path;
 
@@ -15,18 +15,18 @@ pub struct Painted {
 /// What no target moves.
 pub struct Still {
     /// Relative to the origin of the mesh that targets move.
-    pub mesh: MorphMesh,
+    pub mesh: KeptMesh,
     pub parts: Vec<Part>,
 }
 
 /// The parts of `mesh`, which was read from the glTF file at `path`, and those beside it, with joints at rest.
-pub fn of_file(path: &Path, mesh: &MorphMesh) -> Result<Painted, Failure> {
+pub fn of_file(path: &Path, mesh: &KeptMesh) -> Result<Painted, Failure> {
     let mut read = gltf::read(path)?;
     let materials = std::mem::take(&mut read.materials);
-    let gltf::Scene { mesh: drawn, still, .. } = read.into_scene(false)?;
+    let gltf::Scene { mesh: drawn, still } = read.into_scene()?;
     // The name of a single part says what the whole is.
     let is_named = drawn.parts.len() + still.as_ref().map_or(0, |still| still.parts.len()) > 1;
-    let of = |drawn: &Drawn, mesh: &MorphMesh| {
+    let of = |drawn: &Drawn, mesh: &KeptMesh| {
         let material = |part: &DrawnPart| part.material.and_then(|number| materials.get(number));
         let name = |part: &DrawnPart| match is_named {
             true => format!("{} {}", part.name, material(part).map_or("", |material| &material.name)),
@@ -41,7 +41,7 @@ pub fn of_file(path: &Path, mesh: &MorphMesh) -> Result<Painted, Failure> {
     };
     let parts = of(&drawn, mesh);
     let still = still.map(|mut still| -> Result<Still, Failure> {
-        let mut stands = std::mem::take(&mut still.source).to_mesh(Tolerance::ZERO)?;
+        let mut stands = std::mem::take(&mut still.source).kept(Tolerance::ZERO)?;
         stands.positions.iter_mut().for_each(|p| *p = (p.as_dvec3() - mesh.origin.as_dvec3()).as_vec3());
         Ok(Still { parts: of(&still, &stands), mesh: stands })
     });

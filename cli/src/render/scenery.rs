@@ -6,7 +6,7 @@ use crate::args::render::RenderArgs;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Stage};
-use deltamorph::MorphMesh;
+use deltamorph::KeptMesh;
 use deltamorph::import::is_gltf;
 use deltamorph_render::{Face, Part, parts};
 use glam::Vec3;
@@ -57,7 +57,7 @@ impl Subject {
     }
 
     /// The subject of a mesh with the same faces as the one at `path`, by itself.
-    pub fn of_mesh(path: Option<&Path>, mesh: &MorphMesh) -> Self {
+    pub fn of_mesh(path: Option<&Path>, mesh: &KeptMesh) -> Self {
         let names = names::of_faces(path, mesh);
         let said: Vec<Face<'_>> = names.iter().map(|name| Face::Named(name)).collect();
         let parts = parts(mesh, &said);
@@ -73,8 +73,8 @@ const FEW: usize = 24;
 
 /// Positions of drawn vertices and their furthest positions by single targets: if only a small part of a body moves,
 /// those of that part and its surroundings; and all.
-fn views(mesh: &MorphMesh, parts: &[Part], still: Option<&Still>) -> (Vec<Vec3>, Vec<Vec3>) {
-    let of_parts = |mesh: &MorphMesh, parts: &[Part]| {
+fn views(mesh: &KeptMesh, parts: &[Part], still: Option<&Still>) -> (Vec<Vec3>, Vec<Vec3>) {
+    let of_parts = |mesh: &KeptMesh, parts: &[Part]| {
         let mut drawn = vec![false; mesh.vertex_count()];
         parts.iter().flat_map(|part| part.triangles.iter().flatten()).for_each(|&v| drawn[v as usize] = true);
         let all = mesh.positions.iter().zip(&drawn).filter(|(_, drawn)| **drawn).map(|(p, _)| *p);

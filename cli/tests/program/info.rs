@@ -53,14 +53,14 @@ fn a_rate_that_is_given_beats_that_of_the_file_name() {
 
 #[test]
 fn streams_of_a_packed_file_are_listed() {
-    use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
+    use deltamorph::{DeltaFormat, PackDesc, PackedMesh, Tolerance};
     use deltamorph_head::{HeadDesc, head};
     let folder = tempfile::tempdir().unwrap();
     let mut mesh =
-        head(&HeadDesc { vertices: 1200, targets: 12, ..Default::default() }).to_mesh(Tolerance::default()).unwrap();
+        head(&HeadDesc { vertices: 1200, targets: 12, ..Default::default() }).kept(Tolerance::default()).unwrap();
     for (name, streams) in [("plain", &[][..]), ("masks", &["wrinkle mask"])] {
         let file = folder.path().join(name).with_extension("dmorph");
-        Asset::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).unwrap().write(&file).unwrap();
+        PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).unwrap().write(&file).unwrap();
         let file = file.to_str().unwrap();
         assert_eq!(json(&["info", "--json", "-", file])["streams"], serde_json::json!(streams));
         assert_eq!(ok(&["info", file]).contains("further streams: wrinkle mask\n"), name == "masks");

@@ -2,9 +2,8 @@
 
 use crate::testing;
 use crate::{Memory, Random, Target, bounded, check_error, update};
-use deltamorph::import::packed;
 use deltamorph::{
-    Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, WeightBounds, WeightClip,
+    BatchSize, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath, WeightBounds, WeightClip,
 };
 use deltamorph_head::{HeadDesc, head};
 use std::path::Path;
@@ -19,23 +18,17 @@ fn run(data: &[u8]) {
     let mut bytes = data.to_vec();
     repair(&mut bytes);
     let path = Path::new("head.dmorph");
-    let asset = match bounded("Asset::from_bytes", bytes.len(), MEMORY, || Asset::from_bytes(path, &bytes)) {
-        Ok(asset) => asset,
+    let mesh = match bounded("PackedMesh::from_bytes", bytes.len(), MEMORY, || PackedMesh::from_bytes(path, &bytes)) {
+        Ok(mesh) => Arc::new(mesh),
         Err(error) => return check_error(error),
     };
-    let clips = bounded("packed::clips_from_bytes", bytes.len(), MEMORY, || packed::clips_from_bytes(path, &bytes));
-    let clips = clips.unwrap_or_else(|error| {
-        check_error(error);
-        vec![]
-    });
     // An accepted file is written back unchanged.
-    let again = packed::to_bytes(&asset, &clips).expect("it was accepted");
-    assert!(packed::clips_from_bytes(path, &again).expect("they were written") == clips);
-    assert!(Asset::from_bytes(path, &again).expect("it was written") == asset);
-    let decoded = asset.to_mesh().expect("blocks");
+    let again = mesh.to_bytes().expect("it was accepted");
+    assert!(PackedMesh::from_bytes(path, &again).expect("it was written") == *mesh);
+    let decoded = mesh.unpack().expect("blocks");
     assert!(decoded.targets.iter().all(|target| target.vertices.is_sorted_by(|a, b| a < b)));
-    let layout = asset.mesh.layout();
-    if let Err(error) = asset.mesh.render_vertices(&asset.faces, &asset.texcoords) {
+    let layout = mesh.layout();
+    if let Err(error) = mesh.render_vertices() {
         check_error(error);
     }
     let mut indices: Vec<u32> = (0..layout.vertex_count as u32).collect();
@@ -44,7 +37,6 @@ fn run(data: &[u8]) {
     if layout.vertex_count > 2000 || targets > 256 {
         return;
     }
-    let mesh = Arc::new(asset.mesh.clone());
     update(&mesh, crc32fast::hash(data));
     match WeightBounds::new(&mesh, &UpdateDesc::new(UpdatePath::Cpu, BatchSize::All)) {
         Ok(bounds) => _ = bounds.of(&vec![0.5; targets], 0.0),
@@ -120,17 +112,18 @@ fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
 
 fn seeds() -> Vec<(String, Vec<u8>)> {
     let head = head(&HeadDesc { vertices: 60, targets: 5, ..Default::default() });
-    let head = head.to_mesh(Tolerance::default()).expect("the built-in head");
+    let head = head.kept(Tolerance::default()).expect("the built-in head");
     let streams = testing::with_streams(testing::mesh(40, 3));
     let mut seeds = vec![];
     for format in DeltaFormat::ALL.into_iter().filter(|format| format.is_blocks()) {
         for (name, mesh) in [("head", &head), ("streams", &streams)] {
-            let asset = Asset::pack(mesh, &PackDesc::new(format)).expect("a mesh for tests");
-            seeds.push((format!("{name}-{}", format.name()), asset.to_bytes().expect("it was packed")));
+            let mut packed = PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh for tests");
+            seeds.push((format!("{name}-{}", format.name()), packed.to_bytes().expect("it was packed")));
             if format == DeltaFormat::Fast {
                 let names = vec!["jawOpen".to_owned(), "x".to_owned()];
                 let clip = WeightClip { name: "clip".into(), names, fps: 30.0, values: vec![0.5; 6], notes: vec![] };
-                seeds.push((format!("{name}-clip"), packed::to_bytes(&asset, &[clip]).expect("it was packed")));
+                packed.clips = vec![clip];
+                seeds.push((format!("{name}-clip"), packed.to_bytes().expect("it was packed")));
             }
         }
     }

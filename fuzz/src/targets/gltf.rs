@@ -30,8 +30,8 @@ fn run(data: &[u8]) {
         Err(error) => return check_error(error),
     };
     bounded("animations", size, Memory { base: 256 << 20, per_byte: 960 }, || animations(&read));
-    let mut source = match bounded("Gltf::into_mesh", size, MEMORY, || read.into_mesh(false)) {
-        Ok(mesh) => mesh.source,
+    let mut source = match bounded("Gltf::into_mesh", size, MEMORY, || read.into_mesh()) {
+        Ok(source) => source,
         Err(error) => return check_error(error),
     };
     let choice = crc32fast::hash(data);
@@ -44,7 +44,7 @@ fn run(data: &[u8]) {
     let tolerance = if choice.is_multiple_of(2) { Tolerance::default() } else { Tolerance::ZERO };
     // In addition to the source, which may be as large as reading allows.
     let memory = Memory { per_byte: 2 * MEMORY.per_byte, ..MEMORY };
-    match bounded("MorphSource::to_mesh", size, memory, || source.to_mesh(tolerance)) {
+    match bounded("Mesh::pack", size, memory, || source.kept(tolerance)) {
         Ok(mesh) => pack_and_update(&mesh, choice / 8),
         Err(error) => check_error(error),
     }

@@ -2,7 +2,7 @@
 
 use crate::{Memory, Random, Target, bounded, check_error, pack_and_update, parts, scratch, write};
 use deltamorph::import::obj::{ObjFile, import_folder};
-use deltamorph::{MorphSource, Tolerance};
+use deltamorph::{Mesh, Tolerance};
 use std::fs;
 use std::path::Path;
 
@@ -30,7 +30,7 @@ fn run(data: &[u8]) {
     }
 }
 
-fn mesh_of(mut source: MorphSource, data: &[u8]) {
+fn mesh_of(mut source: Mesh, data: &[u8]) {
     let choice = crc32fast::hash(data);
     let changed = match choice % 4 {
         0 => source.split().map(|split| source = split),
@@ -39,7 +39,7 @@ fn mesh_of(mut source: MorphSource, data: &[u8]) {
     };
     changed.unwrap_or_else(check_error);
     let tolerance = if choice.is_multiple_of(2) { Tolerance::default() } else { Tolerance::ZERO };
-    match bounded("MorphSource::to_mesh", data.len(), MEMORY, || source.to_mesh(tolerance)) {
+    match bounded("Mesh::pack", data.len(), MEMORY, || source.kept(tolerance)) {
         Ok(mesh) => pack_and_update(&mesh, choice / 8),
         Err(error) => check_error(error),
     }

@@ -5,7 +5,7 @@ use crate::{Memory, Target, bounded, check_error, check_pose};
 use arbitrary::{Result, Unstructured};
 use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::{
-    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MeshArrays, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat,
+    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MeshArrays, KeptMesh, Mesh, PackDesc, PackedMesh, PoseFormat,
     TargetArrays, Tolerance, UpdateDesc, UpdateMode, UpdatePath,
 };
 use std::sync::Arc;
@@ -38,7 +38,7 @@ fn vectors(u: &mut Unstructured<'_>, count: usize, every: usize) -> Result<Vec<[
     Ok((0..count).map(of).collect())
 }
 
-fn mesh(u: &mut Unstructured<'_>) -> Result<deltamorph::Result<MorphMesh>> {
+fn mesh(u: &mut Unstructured<'_>) -> Result<deltamorph::Result<KeptMesh>> {
     let vertices = u.int_in_range(1..=200usize)?;
     let mut positions = vectors(u, vertices, 1)?;
     positions.iter_mut().enumerate().for_each(|(v, position)| position[0] += v as f32 / 8.0);
@@ -65,7 +65,7 @@ fn mesh(u: &mut Unstructured<'_>) -> Result<deltamorph::Result<MorphMesh>> {
         targets: &targets,
         ..Default::default()
     };
-    Ok(MorphSource::from_arrays(&arrays).and_then(|source| source.to_mesh(Tolerance::ZERO)))
+    Ok(Mesh::from_arrays(&arrays).and_then(|source| source.kept(Tolerance::ZERO)))
 }
 
 /// The expected state of an instance.

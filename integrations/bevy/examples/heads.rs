@@ -8,7 +8,7 @@ use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes};
 use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
 use deltamorph_bevy::DeltamorphPlugin;
-use deltamorph_bevy::deltamorph::{MorphMesh, Tolerance, glam};
+use deltamorph_bevy::deltamorph::{KeptMesh, Tolerance, glam};
 use deltamorph_head::{HeadDesc, head, head_clip};
 
 fn main() -> AppExit {
@@ -29,7 +29,7 @@ fn spawn(
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) -> Result {
     let desc = HeadDesc { vertices: 20_000, ..Default::default() };
-    let head = head(&desc).split()?.to_mesh(Tolerance::default())?;
+    let head = head(&desc).split()?.kept(Tolerance::default())?;
     let names: Vec<&str> = head.targets.iter().map(|target| target.name.as_str()).collect();
     commands.insert_resource(Clip(head_clip(&desc, 120, 30.0).bind(&names)?.frames().collect()));
 
@@ -58,7 +58,7 @@ fn animate(time: Res<Time>, clip: Res<Clip>, mut heads: Query<&mut MeshMorphWeig
 }
 
 /// Makes Bevy's mesh, without targets.
-pub fn mesh(head: &MorphMesh) -> Mesh {
+pub fn mesh(head: &KeptMesh) -> Mesh {
     let mut uvs = vec![[0.0; 2]; head.vertex_count()];
     for corner in head.faces.iter().flatten() {
         let uv = corner.texcoord.map(|at| head.texcoords[at as usize].to_array());
@@ -73,7 +73,7 @@ pub fn mesh(head: &MorphMesh) -> Mesh {
 }
 
 /// Returns targets in Bevy's form: all attributes of all vertices, for each target.
-pub fn targets(head: &MorphMesh) -> Vec<MorphAttributes> {
+pub fn targets(head: &KeptMesh) -> Vec<MorphAttributes> {
     let count = head.vertex_count();
     let mut attributes = vec![MorphAttributes::default(); count * head.targets.len()];
     for (all, target) in attributes.chunks_exact_mut(count).zip(&head.targets) {

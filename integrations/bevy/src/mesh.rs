@@ -10,8 +10,7 @@ use bevy::platform::collections::HashMap;
 use bevy::prelude::{AssetId, Mesh, error};
 use bevy::render::sync_world::MainEntity;
 use deltamorph::{
-    CrowdDesc, Error, MeshArrays, MorphSource, PackedLayout, PackedMesh, PoseFormat, Result, Semantic, TargetArrays,
-    Tolerance, UpdateDesc,
+    CrowdDesc, Error, MeshArrays, PackedLayout, PackedMesh, PoseFormat, Result, Semantic, TargetArrays, UpdateDesc,
 };
 use deltamorph_wgpu::{Crowd, Morph};
 
@@ -91,7 +90,7 @@ impl Morphed {
         let mut desc = morph.pack_desc(settings.format);
         desc.blocks.weight_max = settings.weight_max;
         desc.blocks.normal_error_degrees = settings.normal_error_degrees;
-        let packed = PackedMesh::pack(&source(mesh)?.to_mesh(Tolerance::default())?, &desc)?;
+        let packed = source(mesh)?.pack(&desc)?;
         let layout = packed.layout();
         let mut order: Vec<u32> = (0..vertices as u32).collect();
         layout.remap_indices(&mut order)?;
@@ -264,7 +263,7 @@ fn vectors(mesh: &Mesh) -> Vec<u8> {
 ///
 /// # Errors
 /// The attributes are compressed, or targets have another number of vertices.
-fn source(mesh: &Mesh) -> Result<MorphSource> {
+fn source(mesh: &Mesh) -> Result<deltamorph::Mesh> {
     let count = mesh.count_vertices();
     let floats = |attribute: MeshVertexAttribute| {
         let text = format!("{} are not of float32", attribute.name);
@@ -308,7 +307,7 @@ fn source(mesh: &Mesh) -> Result<MorphSource> {
     let arrays = moved.iter().map(Vec::as_slice).zip(turned.iter().map(Vec::as_slice));
     let targets: Vec<_> = arrays.zip(twisted.iter().map(Vec::as_slice)).map(target).collect();
     let name = "of Bevy";
-    let mut source = MorphSource::from_arrays(&MeshArrays {
+    let mut source = deltamorph::Mesh::from_arrays(&MeshArrays {
         name,
         positions,
         normals: &normals,

@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 pub fn draw(device: &wgpu::Device, queue: &wgpu::Queue, frames: usize) -> Result<Vec<u8>, Box<dyn Error>> {
     // The mesh, packed for the device, and a crowd of one instance.
     let head_desc = HeadDesc { vertices: 10_000, ..Default::default() };
-    let source = head(&head_desc).to_mesh(Tolerance::default())?;
+    let source = head(&head_desc).kept(Tolerance::default())?;
     let morph = Morph::new(device, queue)?;
     let packed = PackedMesh::pack(&source, &morph.pack_desc(DeltaFormat::Fast))?;
     let mesh = morph.upload(&packed)?;

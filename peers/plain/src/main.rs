@@ -4,9 +4,9 @@
 //!     cargo run --release -- FILE.glb [SECONDS]
 
 use deltamorph::glam::Vec3;
-use deltamorph::import::{self, ImportDesc, ImportedMesh};
+use deltamorph::import::{self, ImportedMesh};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    BatchSize, CpuCrowd, DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use rayon::prelude::*;
 use std::path::Path;
@@ -38,7 +38,7 @@ struct Plain<const N: usize> {
 }
 
 impl<const N: usize> Plain<N> {
-    fn new(mesh: &MorphMesh, incremental: bool) -> Self {
+    fn new(mesh: &KeptMesh, incremental: bool) -> Self {
         let zip = |p: &[_], n: &[_]| -> Vec<[f32; N]> { p.iter().zip(n).map(|(p, n)| vertex(*p, *n)).collect() };
         let base = zip(&mesh.positions, &mesh.normals);
         let targets = mesh.targets.iter().map(|target| {
@@ -108,7 +108,7 @@ fn vertex<const N: usize>(position: Vec3, normal: Vec3) -> [f32; N] {
 }
 
 /// Returns the largest difference of positions from sums in float64, as a fraction of the diagonal.
-fn error<const N: usize>(mesh: &MorphMesh, row: &[f32], pose: &[[f32; N]]) -> f64 {
+fn error<const N: usize>(mesh: &KeptMesh, row: &[f32], pose: &[[f32; N]]) -> f64 {
     let mut sums: Vec<_> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
     for (target, weight) in mesh.targets.iter().zip(row) {
         let moved = target.vertices.iter().zip(&target.positions);
@@ -140,10 +140,10 @@ fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().ok_or("FILE.glb [SECONDS]")?;
     let limit = Duration::from_secs_f64(arguments.next().map_or(Ok(0.5), |seconds| seconds.parse())?);
-    let ImportedMesh::Source(source) = import::open(Path::new(&path), &ImportDesc::default())?.mesh else {
+    let ImportedMesh::Source(source) = import::open(Path::new(&path))?.mesh else {
         return Err("a packed file has no float32 deltas".into());
     };
-    let mesh = source.to_mesh(Tolerance::default())?;
+    let mesh = source.kept(Tolerance::default())?;
     let names: Vec<&str> = mesh.targets.iter().map(|target| target.name.as_str()).collect();
     let scene = Path::new(&path).file_stem().unwrap_or_default().to_string_lossy();
     let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast))?);

@@ -18,7 +18,7 @@ pub struct NormalsDesc<'a> {
     /// Corners of each face, 3 or more; empty: 3 each. A polygon's area counts at all its corners, as on import; cut
     /// into triangles ([`Faces::triangles`](crate::mesh::Faces::triangles)), it would depend on the cut.
     pub sizes: &'a [u32],
-    /// For each vertex the first one at the same position, or empty: [`MorphMesh::welds`](crate::MorphMesh::welds).
+    /// For each vertex the first one at the same position, or empty: [`Mesh::welds`](crate::Mesh::welds).
     /// Welded vertices share triangles and get bit-equal normals, so that seams are invisible.
     pub welds: &'a [u32],
 }

@@ -56,7 +56,8 @@ pub struct Channel {
     pub interpolation: Interpolation,
     /// The times of the keys in seconds, ascending; at least one.
     pub times: Vec<f32>,
-    /// [`width`](Self::width) numbers for each key, three times as many for [`Interpolation::CubicSpline`].
+    /// The numbers of each key: 3, or 4 of a rotation, or one for each target whose weight it animates; three times as
+    /// many for [`Interpolation::CubicSpline`].
     pub values: Vec<f32>,
 }
 
@@ -73,7 +74,7 @@ pub(super) struct Between {
 
 impl Channel {
     /// Returns the numbers per value.
-    pub fn width(&self) -> usize {
+    pub(super) fn width(&self) -> usize {
         self.values.len() / self.times.len() / self.values_per_key()
     }
 
@@ -83,6 +84,7 @@ impl Channel {
 
     /// Returns the times of the first and the last key, in seconds. Before and after, the value is that of the nearest
     /// key.
+    #[doc(hidden)]
     pub fn span(&self) -> [f64; 2] {
         [self.times.first(), self.times.last()].map(|time| time.copied().unwrap_or(0.0).into())
     }
@@ -150,6 +152,7 @@ impl Animation {
     }
 
     /// Whether it moves nodes, and no weights.
+    #[doc(hidden)]
     pub fn moves_joints_alone(&self) -> bool {
         !self.channels.is_empty() && self.weight_channels().next().is_none()
     }
@@ -162,7 +165,7 @@ impl Animation {
 
     /// Returns the frames per second of evenly spaced keys (within 2% of a frame), 20 or more; otherwise 30. Keys of
     /// weights count or, if it moves joints alone, those of joints.
-    pub fn frame_rate(&self) -> f32 {
+    pub(super) fn frame_rate(&self) -> f32 {
         let Some(longest) = self.timed().max_by_key(|channel| channel.times.len()) else { return DEFAULT_FPS };
         let [first, last] = longest.span();
         let fps = (longest.times.len() as f64 - 1.0) / (last - first);
@@ -191,21 +194,6 @@ impl Animation {
         let fits = frames <= FRAMES_MAX.max(keys) as f64 && frames * width as f64 <= VALUES_MAX.max(values) as f64;
         ensure!(fits, what, remedy);
         Ok((0..frames as usize).map(move |frame| (start + frame as f64 / fps).min(end)))
-    }
-
-    /// Returns the time of each frame of its clip, in seconds, or that of a key which is within a thousandth of a frame
-    /// of it: [`Gltf::clip`](super::Gltf::clip) with this `fps`.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) if `fps` is not a positive number, or there would be more than 2²⁰
-    /// frames, and more than keys.
-    pub fn frame_times(&self, fps: Option<f32>) -> Result<impl ExactSizeIterator<Item = f64>> {
-        let fps = fps.unwrap_or_else(|| self.frame_rate());
-        let near = move |time: f64| {
-            let keys = self.channels.iter().map(|channel| channel.near_key(time, NEAR / f64::from(fps)));
-            keys.max_by(|a, b| (a - time).abs().total_cmp(&(b - time).abs())).unwrap_or(time)
-        };
-        Ok(self.frames(fps, 1)?.map(near))
     }
 }
 

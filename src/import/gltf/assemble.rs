@@ -1,7 +1,7 @@
 //! Merges several meshes into one, and transforms meshes as nodes and joints place them. Vertices have one texture
 //! coordinate or none.
 
-use crate::asset::{Corner, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
+use crate::asset::{Corner, Mesh, MorphTarget, Semantic, StreamData, StreamDeltas};
 use crate::error::Error;
 use glam::{DMat3, DMat4, Vec2, Vec3};
 use std::collections::{BTreeSet, HashMap};
@@ -25,19 +25,19 @@ fn default_of(semantic: Semantic) -> &'static [f32] {
     }
 }
 
-pub fn semantics<'a>(parts: impl Iterator<Item = &'a MorphSource>) -> BTreeSet<Semantic> {
+pub fn semantics<'a>(parts: impl Iterator<Item = &'a Mesh>) -> BTreeSet<Semantic> {
     parts.flat_map(|part| &part.streams).map(|stream| stream.semantic).collect()
 }
 
 /// Returns the bytes of `part` in a mesh with these streams: each vertex has all of them, and each target lists of
 /// their deltas, if only empty ones. Welding takes as much as a vertex without streams.
-pub fn size_in(part: &MorphSource, semantics: &BTreeSet<Semantic>) -> usize {
+pub fn size_in(part: &Mesh, semantics: &BTreeSet<Semantic>) -> usize {
     let numbers: usize = semantics.iter().map(|semantic| semantic.components()).sum();
     let vertex = 2 * (2 * size_of::<Vec3>() + size_of::<Vec2>() + size_of::<u32>()) + numbers * size_of::<f32>();
-    let of_target = |target: &SourceTarget| {
+    let of_target = |target: &MorphTarget| {
         let streams: usize = target.streams.iter().map(|s| size_of_val(&*s.vertices) + size_of_val(&*s.deltas)).sum();
         let normals = size_of_val(target.normals.as_deref().unwrap_or_default());
-        let lists = size_of::<SourceTarget>() + semantics.len() * size_of::<StreamDeltas>() + 2 * target.name.len();
+        let lists = size_of::<MorphTarget>() + semantics.len() * size_of::<StreamDeltas>() + 2 * target.name.len();
         lists + size_of_val(&*target.positions) + normals + streams
     };
     let faces = size_of_val(&*part.faces.corners) + size_of_val(&*part.faces.sizes);
@@ -46,11 +46,11 @@ pub fn size_in(part: &MorphSource, semantics: &BTreeSet<Semantic>) -> usize {
 
 /// Merges `parts` into one mesh: their vertices one after the other; targets of one name move together. If a part has
 /// no normals, those of all parts are computed.
-pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
+pub fn merge(name: String, parts: Vec<Mesh>) -> Mesh {
     let with_normals = parts.iter().all(|part| part.normals.is_some());
     let with_texcoords = parts.iter().any(|part| !part.texcoords.is_empty());
     let semantics = semantics(parts.iter());
-    let mut all = MorphSource { name, normals: with_normals.then(Vec::new), ..MorphSource::default() };
+    let mut all = Mesh { name, normals: with_normals.then(Vec::new), ..Mesh::default() };
     if !with_normals && parts.iter().any(|part| part.normals.is_some()) {
         all.notes.push("normals are there for some primitives or meshes only: computed for all".to_owned());
     }
@@ -85,7 +85,7 @@ pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
             if place == all.targets.len() {
                 let streams = vec![StreamDeltas::default(); semantics.len()];
                 let normals = with_normals.then(Vec::new);
-                all.targets.push(SourceTarget { name: target.name, positions: vec![], normals, streams });
+                all.targets.push(MorphTarget { name: target.name, positions: vec![], normals, streams });
             }
             let one = &mut all.targets[place];
             let moved = |list: Vec<(u32, Vec3)>| list.into_iter().map(move |(v, delta)| (v + first, delta));
@@ -114,7 +114,7 @@ pub fn flattens(matrix: &DMat4) -> bool {
 /// Transforms a mesh of triangles, each vertex by its own matrix: normals by the inverse transpose, brought to unit
 /// length again; where a matrix mirrors, triangles are turned. Returns the first vertex whose matrix is flat: a normal
 /// across what is left of it stays as it was.
-pub fn transform(source: &mut MorphSource, matrix: impl Fn(usize) -> DMat4) -> Option<usize> {
+pub fn transform(source: &mut Mesh, matrix: impl Fn(usize) -> DMat4) -> Option<usize> {
     let count = source.positions.len();
     if (0..count).all(|v| matrix(v) == DMat4::IDENTITY) {
         return None;

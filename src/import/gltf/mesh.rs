@@ -1,26 +1,26 @@
 //! Meshes: primitives with their streams, targets, joints and weights.
 
 use super::accessor::Accessor;
-use super::assemble::{flattens, in_file, merge, semantics, size_in};
+use super::assemble::{in_file, merge, semantics, size_in};
 use super::container::Container;
 use super::json::At;
 use crate::asset::normals::unit_normals;
-use crate::asset::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
+use crate::asset::{Corner, Faces, Mesh, MorphTarget, Semantic, StreamData, StreamDeltas};
 use crate::error::{Error, Result, ensure};
 use crate::import::shortened;
 use glam::{DMat4, Vec2, Vec3};
 use serde_json::Value;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 /// A mesh of the file, in its own space; nodes place it.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
-pub struct Mesh {
+pub struct GltfMesh {
     /// The vertices of all primitives, one after the other, as in the file: one texture coordinate each, and faces that
     /// name them ([`Faces::triangles`]). Doubled vertices are welded. It has the streams that some target changes.
     /// Without triangles in the file, it has no vertices.
-    pub source: MorphSource,
+    pub source: Mesh,
     /// A weight for each target, used by nodes that state none.
     pub weights: Vec<f32>,
     /// The vertices and triangles of each primitive.
@@ -32,7 +32,7 @@ pub struct Mesh {
     pub influences: Option<Influences>,
 }
 
-/// A primitive of a [`Mesh`]: the part that is drawn with one material.
+/// A primitive of a [`GltfMesh`]: the part that is drawn with one material.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Primitive {
@@ -68,12 +68,12 @@ pub fn mesh(
     (name, prefix): (String, &str),
     stated: &HashSet<&str>,
     why: &mut Option<Error>,
-) -> Result<Mesh> {
+) -> Result<GltfMesh> {
     let primitives = at.items("primitives")?;
     let names = target_names(file, at, prefix, stated)?;
     let per_vertex = primitives.iter().map(|at| 4 * sets_of_joints(at)).max().unwrap_or(0);
     let mut influences = Influences { per_vertex, ..Influences::default() };
-    let mut mesh = Mesh::default();
+    let mut mesh = GltfMesh::default();
     let mut parts = vec![];
     for (index, primitive) in primitives.iter().enumerate() {
         let read = file.leave_out_or_keep(part(file, primitive, &names), "primitive", why)?;
@@ -199,7 +199,7 @@ fn streams<'a>(at: &At<'a>) -> Vec<(Semantic, At<'a>)> {
 }
 
 /// Reads a primitive as a separate mesh; `None` if it has no triangles.
-fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphSource>> {
+fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<Mesh>> {
     let nothing = |what: &str| {
         file.note(at, format!("{what}, left out"));
         Ok(None)
@@ -227,7 +227,7 @@ fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphS
     if faces.sizes.is_empty() {
         return nothing("no triangles");
     }
-    let mut source = MorphSource { faces, ..MorphSource::default() };
+    let mut source = Mesh { faces, ..Mesh::default() };
     source.positions = positions.into_iter().map(Vec3::from).collect();
     let mut part = Part { file, source, normal_scales: vec![], tangent_scales: vec![] };
     for (semantic, index) in streams(&attributes) {
@@ -240,7 +240,7 @@ fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphS
         file.note(at, format!("targets of other primitives, which leave this one: {others}"));
     }
     let streams = part.source.streams.len();
-    file.charge(at, targets.len(), size_of::<SourceTarget>() + streams * size_of::<StreamDeltas>())?;
+    file.charge(at, targets.len(), size_of::<MorphTarget>() + streams * size_of::<StreamDeltas>())?;
     file.charge(at, names.iter().map(String::len).sum(), 1)?;
     for (target, name) in targets.iter().zip(names) {
         let read = part.target(target, name);
@@ -258,7 +258,7 @@ fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphS
 /// A primitive that is being read.
 struct Part<'a> {
     file: &'a Container,
-    source: MorphSource,
+    source: Mesh,
     /// Factors that bring normals and tangents to unit length; deltas are multiplied by them, too.
     normal_scales: Vec<f32>,
     tangent_scales: Vec<f32>,
@@ -315,14 +315,14 @@ impl<'a> Part<'a> {
     }
 
     /// A target that moves nothing.
-    fn still_target(&self, name: &str) -> SourceTarget {
+    fn still_target(&self, name: &str) -> MorphTarget {
         let normals = self.source.normals.as_ref().map(|_| vec![]);
         let streams = vec![StreamDeltas::default(); self.source.streams.len()];
-        SourceTarget { name: name.to_owned(), positions: vec![], normals, streams }
+        MorphTarget { name: name.to_owned(), positions: vec![], normals, streams }
     }
 
-    fn target(&self, target: &At<'_>, name: &str) -> Result<SourceTarget> {
-        let mut made = SourceTarget { normals: None, ..self.still_target(name) };
+    fn target(&self, target: &At<'_>, name: &str) -> Result<MorphTarget> {
+        let mut made = MorphTarget { normals: None, ..self.still_target(name) };
         for (semantic, index) in streams(target) {
             if semantic == Semantic::Position {
                 let accessor = self.file.accessor(&index)?;
@@ -345,7 +345,7 @@ impl<'a> Part<'a> {
     }
 
     /// Adds the deltas of a stream, other than positions, to a target.
-    fn add_deltas(&self, semantic: Semantic, index: &At<'_>, made: &mut SourceTarget) -> Result<()> {
+    fn add_deltas(&self, semantic: Semantic, index: &At<'_>, made: &mut MorphTarget) -> Result<()> {
         let accessor = self.read(index)?;
         if semantic == Semantic::Normal {
             // If base normals are missing, all normals are computed.
@@ -472,8 +472,7 @@ impl Influences {
     }
 
     /// Returns the matrix of a vertex where joints have these; the identity if it follows none.
-    #[must_use]
-    pub fn blend(&self, vertex: usize, joints: &[DMat4]) -> DMat4 {
+    pub(super) fn blend(&self, vertex: usize, joints: &[DMat4]) -> DMat4 {
         let mut sum = DMat4::ZERO;
         let mut total = 0.0;
         for (joint, weight) in self.of(vertex).map(|(joint, weight)| (joint, f64::from(weight))) {
@@ -482,13 +481,5 @@ impl Influences {
         }
         // Rounded weights do not sum to 1 exactly.
         if total > 0.0 { sum / total } else { DMat4::IDENTITY }
-    }
-
-    /// Returns the matrix of the joint that most of the weight follows, of those that can be undone.
-    pub(super) fn foremost(&self, joints: &[DMat4]) -> DMat4 {
-        let mut shares = BTreeMap::new();
-        self.followed().for_each(|(joint, weight)| *shares.entry(joint).or_insert(0.0) += f64::from(weight));
-        let shares = shares.into_iter().filter(|(joint, _)| !flattens(&joints[*joint]));
-        shares.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(DMat4::IDENTITY, |(joint, _)| joints[joint])
     }
 }

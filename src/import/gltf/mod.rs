@@ -9,10 +9,10 @@
 //!   below it.
 //! - Values keep the file's space and units: texture coordinates begin at the top left. A quantised mesh has integer
 //!   positions, which the transform of its node scales or, with a skin, the inverse bind matrices.
-//! - Vertices are those of the file. Those at one position are welded ([`MorphSource::weld`]), so computed normals are
+//! - Vertices are those of the file. Those at one position are welded ([`Mesh::weld`]), so computed normals are
 //!   smooth across seams (glTF itself specifies flat ones), and no crack opens. If a target moves positions and states
 //!   no normals, they are computed from the deformed surface; glTF itself keeps those of the base pose, as does a
-//!   target whose [`normals`](crate::mesh::SourceTarget::normals) are `Some(vec![])`.
+//!   target whose [`normals`](crate::mesh::MorphTarget::normals) are `Some(vec![])`.
 //! - Tangents are those of the file; none are computed.
 //! - Draco, points and lines, and cameras are not read. What is there uncompressed beside Draco is. Of materials, base
 //!   colours are, for hosts that draw; textures are not.
@@ -32,19 +32,18 @@ mod material;
 mod mesh;
 mod meshopt;
 mod scene;
-mod skeleton;
 #[cfg(test)]
 mod tests;
 mod weights;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
+#[doc(hidden)]
 pub use material::Material;
-pub use mesh::{Influences, Mesh, Primitive};
+pub use mesh::{GltfMesh, Influences, Primitive};
 pub use scene::{Node, Skin, Transform};
-pub use skeleton::Skeleton;
 
 use super::{quoted, shortened, stem};
-use crate::asset::MorphSource;
+use crate::asset::Mesh;
 use crate::error::{Error, Result, ensure};
 use container::Container;
 use glam::DMat4;
@@ -59,7 +58,7 @@ pub struct Gltf {
     /// The file's stem.
     pub name: String,
     /// The meshes.
-    pub meshes: Vec<Mesh>,
+    pub meshes: Vec<GltfMesh>,
     /// The nodes of all scenes; [`Node::is_shown`] marks those of the scene to draw.
     pub nodes: Vec<Node>,
     /// The skins.
@@ -67,6 +66,7 @@ pub struct Gltf {
     /// The animations.
     pub animations: Vec<Animation>,
     /// The materials.
+    #[doc(hidden)]
     pub materials: Vec<Material>,
     /// Whether it is an avatar of VRM 0, which looks along −z, where glTF looks along +z. Nothing is turned: pictures
     /// of its face are taken from behind.
@@ -83,7 +83,7 @@ pub struct Gltf {
 
 /// What a file draws: [`Gltf::into_scene`].
 #[derive(Clone, Debug)]
-#[non_exhaustive]
+#[doc(hidden)]
 pub struct Scene {
     /// The mesh that targets move: that of [`Gltf::into_mesh`].
     pub mesh: Drawn,
@@ -94,19 +94,17 @@ pub struct Scene {
 
 /// One mesh of several, and what it is drawn with.
 #[derive(Clone, Debug)]
-#[non_exhaustive]
+#[doc(hidden)]
 pub struct Drawn {
     /// The mesh.
-    pub source: MorphSource,
-    /// The joints that move it, if it is unposed.
-    pub skeleton: Option<Skeleton>,
+    pub source: Mesh,
     /// Its faces, in parts of one material each.
     pub parts: Vec<DrawnPart>,
 }
 
 /// Faces of a [`Drawn`] mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
+#[doc(hidden)]
 pub struct DrawnPart {
     /// The name of the mesh that they are of.
     pub name: String,
@@ -169,8 +167,8 @@ fn gltf(file: &Container) -> Result<Gltf> {
         gltf.meshes.push(mesh);
     }
     // Nothing else can stand for the only mesh with targets, or the only one at all.
-    let has_targets = |mesh: &Mesh| !mesh.source.targets.is_empty();
-    let is_left = |mesh: &Mesh| !mesh.source.positions.is_empty();
+    let has_targets = |mesh: &GltfMesh| !mesh.source.targets.is_empty();
+    let is_left = |mesh: &GltfMesh| !mesh.source.positions.is_empty();
     let why = why.filter(|_| !gltf.meshes.iter().any(has_targets));
     let why = why.or(why_others.filter(|_| !gltf.meshes.iter().any(is_left)));
     why.map_or(Ok(()), Err)?;
@@ -274,31 +272,26 @@ impl Gltf {
     /// rest, which a mesh cannot hold. A node that a scale of 0 flattens is taken for not in the scene.
     ///
     /// A mesh with a skin is posed by its joints at rest: base and targets by the blend of matrices that each vertex
-    /// follows. Not so if `unposed`: it stands whole then, where the joint is that most of its weight follows, and the
-    /// mesh has the joints, which bring it to that pose at rest. It has none where nothing moves but targets: no mesh
-    /// has a skin, and no animation moves a node.
+    /// follows.
     ///
     /// # Errors
-    /// [`Error::Input`] if no mesh has triangles, joints move a vertex out of the range of single precision, the mesh
-    /// would be larger than a file of this size can hold, or vertices of an unposed mesh follow more than 65,535 joints
-    /// in all.
-    pub fn into_mesh(self, unposed: bool) -> Result<Drawn> {
-        Ok(self.scene(unposed, false)?.mesh)
+    /// [`Error::Input`] if no mesh has triangles, joints move a vertex out of the range of single precision, or the
+    /// mesh would be larger than a file of this size can hold.
+    pub fn into_mesh(self) -> Result<Mesh> {
+        Ok(self.scene(false)?.mesh.source)
     }
 
     /// Makes two meshes of the file: that of [`into_mesh`](Self::into_mesh), and the one of everything else in the
-    /// scene, which stands in the same space, and has joints in the same way.
+    /// scene, which stands in the same space.
     ///
     /// # Errors
     /// Those of `into_mesh`.
-    pub fn into_scene(self, unposed: bool) -> Result<Scene> {
-        self.scene(unposed, true)
+    #[doc(hidden)]
+    pub fn into_scene(self) -> Result<Scene> {
+        self.scene(true)
     }
 
-    fn scene(mut self, unposed: bool, with_still: bool) -> Result<Scene> {
-        let has_skin = self.nodes.iter().any(|node| node.skin.is_some());
-        let mut channels = self.animations.iter().flat_map(|animation| &animation.channels);
-        let moves = has_skin || channels.any(|channel| channel.property != Property::Weights);
+    fn scene(mut self, with_still: bool) -> Result<Scene> {
         let worlds = self.world_matrices(None);
         // For each mesh, the nodes in the scene that draw it.
         let mut drawn = vec![vec![]; self.meshes.len()];
@@ -350,26 +343,18 @@ impl Gltf {
         }
         let remedy = "give a file with a mesh of triangles";
         ensure!(!taken.is_empty(), Error::input(&self.path, "", "no mesh has triangles", remedy));
-        let mut mesh = self.assembled(taken, &drawn, &worlds, unposed && moves)?;
+        let mut mesh = self.assembled(taken, &drawn, &worlds)?;
         let is_all = still.is_empty();
-        let still = if is_all { None } else { Some(self.assembled(still, &drawn, &worlds, unposed && moves)?) };
+        let still = if is_all { None } else { Some(self.assembled(still, &drawn, &worlds)?) };
         self.notes.append(&mut mesh.source.notes);
         mesh.source.notes = self.notes;
         Ok(Scene { mesh, still })
     }
 
     /// Makes one mesh of those of `taken`, each as often as `drawn` has it.
-    fn assembled(
-        &mut self,
-        taken: Vec<usize>,
-        drawn: &[Vec<usize>],
-        worlds: &[DMat4],
-        with_joints: bool,
-    ) -> Result<Drawn> {
+    fn assembled(&mut self, taken: Vec<usize>, drawn: &[Vec<usize>], worlds: &[DMat4]) -> Result<Drawn> {
         let joints: Vec<_> = self.skins.iter().map(|skin| self.joint_matrices(skin, worlds)).collect();
-        let copies = self.copies(&taken, drawn, if with_joints { Skeleton::VERTEX_BYTES } else { 0 })?;
-        let skeleton = || Skeleton::new(self.nodes.clone(), self.order.clone(), self.animations.clone());
-        let mut skeleton = with_joints.then(skeleton);
+        let copies = self.copies(&taken, drawn)?;
         let mut parts = vec![];
         let mut drawn_parts = vec![];
         let mut faces = 0;
@@ -385,7 +370,7 @@ impl Gltf {
             for copy in 0..copies {
                 let mut source = match copy + 1 == copies {
                     true => std::mem::take(&mut left),
-                    false => MorphSource { notes: vec![], ..left.clone() },
+                    false => Mesh { notes: vec![], ..left.clone() },
                 };
                 let node = nodes.get(copy).copied();
                 for (i, target) in source.targets.iter_mut().enumerate() {
@@ -394,13 +379,11 @@ impl Gltf {
                 }
                 let skin = node.and_then(|number| self.nodes[number].skin);
                 let influences = self.meshes[mesh].influences.as_ref().zip(skin.map(|skin| &joints[skin][..]));
-                let place = match (node, influences) {
-                    (_, Some((influences, joints))) if with_joints => influences.foremost(joints),
-                    (Some(number), None) if skin.is_none() => worlds[number],
-                    _ => DMat4::IDENTITY,
-                };
-                match influences.filter(|_| !with_joints) {
-                    None => _ = assemble::transform(&mut source, |_| place),
+                match influences {
+                    None => {
+                        let place = node.filter(|_| skin.is_none()).map_or(DMat4::IDENTITY, |node| worlds[node]);
+                        assemble::transform(&mut source, |_| place);
+                    }
                     Some((influences, joints)) => {
                         if let Some(v) = assemble::transform(&mut source, |v| influences.blend(v, joints)) {
                             source.notes.push(format!("{name}: joints of scale 0 flatten it, as at vertex {v}"));
@@ -408,18 +391,6 @@ impl Gltf {
                         // Joints may part what was at one place, or bring it there.
                         source.welds.clear();
                         source.weld().map_err(assemble::in_file(&self.path, &format!(": {name}")))?;
-                    }
-                }
-                if let Some(skeleton) = &mut skeleton {
-                    let count = source.positions.len();
-                    let added = skeleton.add(count, node, &self.meshes[mesh], &self.skins, &place);
-                    let reduced = added.ok_or_else(|| {
-                        let remedy = "export fewer meshes or joints";
-                        Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy)
-                    })?;
-                    if reduced > 0 {
-                        let what = "vertices that follow more than 8 joints, of which 8 move them";
-                        source.notes.push(format!("{name}: {what}: {reduced}"));
                     }
                 }
                 drawn_parts.extend(self.meshes[mesh].primitives.iter().map(|primitive| DrawnPart {
@@ -431,19 +402,19 @@ impl Gltf {
                 parts.push(source);
             }
         }
-        Ok(Drawn { source: assemble::merge(self.name.clone(), parts), skeleton, parts: drawn_parts })
+        Ok(Drawn { source: assemble::merge(self.name.clone(), parts), parts: drawn_parts })
     }
 
     /// Returns how many times each mesh of `taken` is made part of one mesh: once for each node that draws it, as far
-    /// as the file is large enough for so much. `more` are the bytes of a vertex besides.
-    fn copies(&mut self, taken: &[usize], drawn: &[Vec<usize>], more: usize) -> Result<Vec<usize>> {
+    /// as the file is large enough for so much.
+    fn copies(&mut self, taken: &[usize], drawn: &[Vec<usize>]) -> Result<Vec<usize>> {
         let all = assemble::semantics(taken.iter().map(|mesh| &self.meshes[*mesh].source));
         let size = |mesh: &usize| {
-            let Mesh { source, primitives, .. } = &self.meshes[*mesh];
+            let GltfMesh { source, primitives, .. } = &self.meshes[*mesh];
             // The mesh and each of its parts have its name; targets may be called after nodes.
-            let names = (primitives.len() + 1) * (size_of::<MorphSource>() + source.name.len());
+            let names = (primitives.len() + 1) * (size_of::<Mesh>() + source.name.len());
             let names = names + 2 * self.own.longest * source.targets.len();
-            (assemble::size_in(source, &all) + more * source.positions.len() + names) as u64
+            (assemble::size_in(source, &all) + names) as u64
         };
         let total = taken.iter().map(size).sum::<u64>();
         let mut left = self.budget.checked_sub(total).ok_or_else(|| {

@@ -45,7 +45,7 @@ fn every_stream_morphs_and_what_no_target_moves_is_constant() {
     file.json["nodes"] = json!([{"children": [1], "name": "Anna"}, {"mesh": 0}]);
     let read = file.read().unwrap();
     let mesh = &read.meshes[0];
-    let Mesh { source, constants, .. } = mesh;
+    let GltfMesh { source, constants, .. } = mesh;
     assert_eq!(source.name, "Anna");
     assert_eq!(source.targets.iter().map(|t| t.name.as_str()).collect::<Vec<_>>(), ["up", "up 2", "target 2"]);
     assert_eq!((&mesh.weights[..], mesh.primitives[0].material), (&[0.5, 0.0, 0.0][..], Some(3)));
@@ -63,7 +63,7 @@ fn every_stream_morphs_and_what_no_target_moves_is_constant() {
     assert_eq!(source.targets[1].streams[1].deltas, [0.25, 0.5]);
     assert_eq!(source.streams[2].values[..4], [1.0, 0.5, 0.25, 1.0]);
     assert_eq!((source.targets[2].streams[2].vertices[0], source.targets[2].streams[2].deltas[0]), (2, 0.5));
-    let built = source.to_mesh(Tolerance::default()).unwrap();
+    let built = source.kept(Tolerance::default()).unwrap();
     assert_eq!(PackedMesh::pack(&built, &PackDesc::default()).unwrap().groups().len(), 3);
 }
 
@@ -85,7 +85,7 @@ fn primitives_are_one_mesh_and_strips_and_fans_are_triangles() {
             "JOINTS_1": joints, "WEIGHTS_1": weights, "JOINTS_2": joints, "WEIGHTS_2": weights}, "mode": 6, "targets": targets},
     ]}]);
     let read = file.read().unwrap();
-    let Mesh { source, primitives, influences, .. } = &read.meshes[0];
+    let GltfMesh { source, primitives, influences, .. } = &read.meshes[0];
     assert_eq!(source.faces.triangles(&source.positions), [[0, 1, 2], [1, 3, 2], [5, 6, 4], [6, 7, 4]]);
     assert_eq!((primitives[1].index, &primitives[1].vertices, &primitives[1].triangles), (2, &(4..8), &(2..4)));
     assert_eq!(source.targets[0].positions.len(), 8);
@@ -97,5 +97,5 @@ fn primitives_are_one_mesh_and_strips_and_fans_are_triangles() {
     assert_eq!((influences.per_vertex, influences.weights.len(), influences.joints.len()), (12, 96, 96));
     assert_eq!(influences.weights[..48], [0.0; 48]);
     assert_eq!(influences.weights[48..60], [[0.25, 1.0 / 12.0, 0.0, 0.0]; 3].concat());
-    source.to_mesh(Tolerance::default()).unwrap();
+    source.kept(Tolerance::default()).unwrap();
 }

@@ -168,9 +168,8 @@ impl Gltf {
     /// 30.
     ///
     /// # Errors
-    /// [`Error::Input`] if the animation has no channels, or the file no targets, or it is too long
-    /// ([`Animation::frame_times`]);
-    /// [`Error::Invalid`] if `fps` is not a positive number.
+    /// [`Error::Input`] if the animation has no channels, or the file no targets, or it is too long: more than 2²⁰
+    /// frames or 2²⁴ weights, and more than keys; [`Error::Invalid`] if `fps` is not a positive number.
     pub fn clip(&self, animation: &Animation, fps: Option<f32>) -> Result<WeightClip> {
         let place = format!(": animation '{}'", animation.name);
         let refuse = || Error::input(&self.path, place, "no weights of morph targets", "name another animation");

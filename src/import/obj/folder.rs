@@ -2,14 +2,14 @@
 
 use super::ObjFile;
 use crate::asset::normals::{area_vector, unit_normals};
-use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
+use crate::asset::{Corner, Faces, Mesh, MorphTarget};
 use crate::error::{Error, ErrorKind, Result, ensure, listed};
 use crate::import::stem;
 use crate::io::{has_extension, list};
 use crate::math::{diagonal, far_middle, map_all};
+use crate::names::composed;
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
-use unicode_normalization::UnicodeNormalization;
 
 /// Mean way of all vertices, as a part of the diagonal, from which on a target may be remarked on. Expressions move
 /// less.
@@ -35,23 +35,23 @@ const FAR_OFF: f32 = 128.0;
 /// Names are in Unicode's composed form (NFC). Every target has the vertices of `neutral.obj` in the same order. Its
 /// faces may come in another order, cut in another way, or not at all, which is a note; its texture coordinates are
 /// ignored. Targets of which the whole mesh is far are a note: of another unit or axis, or in another place. Deltas
-/// are kept as the files state them; [`to_mesh`](MorphSource::to_mesh) drops
+/// are kept as the files state them; [`pack`](Mesh::pack) drops
 /// noise. A folder without targets gives a source without targets, with a note. A target that cannot be read
 /// or does not fit is left out, with a note.
 ///
 /// Where coordinates are more than 128 times the diagonal, as on maps, positions are relative to the middle
-/// ([`MorphSource::origin`]), before they are rounded to single precision.
+/// ([`Mesh::origin`]), before they are rounded to single precision.
 ///
 /// Normals are per position. If the corners of a position state several (a hard edge), they are averaged by face area.
 /// Base normals are brought to unit length, and normal deltas scaled with them. If the neutral has no normals, or has
 /// them in some faces only, the source has none; the normals of a target that lacks any are computed from its surface,
-/// by [`to_mesh`](MorphSource::to_mesh).
+/// by [`pack`](Mesh::pack).
 ///
 /// # Errors
 /// [`Error::Io`] for a neutral mesh or folder that cannot be read; [`Error::Input`] for one that is missing or not OBJ
 /// (a pipe or device is not opened at all), for two targets of one name, and for several files that may be the neutral
 /// mesh. If no target can be used, the first by name is reported.
-pub fn import_folder(folder: &Path) -> Result<MorphSource> {
+pub fn import_folder(folder: &Path) -> Result<Mesh> {
     let name = folder.file_name().map_or_else(|| folder.display().to_string(), |n| n.to_string_lossy().into_owned());
     let (neutral_path, paths) = files(folder)?;
     let mut neutral = ObjFile::read(&neutral_path)?;
@@ -81,7 +81,7 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
         ensure!(!targets.is_empty() && error.kind() != ErrorKind::OutOfMemory, error);
         notes.push(format!("{error}; left out"));
     }
-    let targets: Vec<(SourceTarget, Vec<&str>)> = targets.into_iter().flatten().collect();
+    let targets: Vec<(MorphTarget, Vec<&str>)> = targets.into_iter().flatten().collect();
     for remark in [OTHER_FACES, FAR, COMPUTED, AVERAGED, IGNORED] {
         let remarked = targets.iter().filter(|(_, remarks)| remarks.contains(&remark));
         let named: Vec<&str> = remarked.map(|(target, _)| target.name.as_str()).collect();
@@ -91,7 +91,7 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
     }
 
     let Neutral { file, base, .. } = neutral;
-    Ok(MorphSource {
+    Ok(Mesh {
         name,
         positions: file.positions,
         origin,
@@ -100,7 +100,7 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
         faces: file.faces,
         targets: targets.into_iter().map(|(target, _)| target).collect(),
         notes,
-        ..MorphSource::default()
+        ..Mesh::default()
     })
 }
 
@@ -139,7 +139,7 @@ fn files(folder: &Path) -> Result<(PathBuf, Vec<(String, PathBuf)>)> {
 /// The OBJ files among `paths`, with their names.
 fn meshes(paths: Vec<PathBuf>) -> Vec<(String, PathBuf)> {
     let files = paths.into_iter().filter(|path| has_extension(path, "obj") && !path.is_dir());
-    let named = files.map(|path| (stem(&path).nfc().collect::<String>(), path));
+    let named = files.map(|path| (composed(&stem(&path)), path));
     named.filter(|(name, _)| !name.starts_with('.')).collect()
 }
 
@@ -224,7 +224,7 @@ struct Neutral {
 
 impl Neutral {
     /// Reads a target. Returns it, and the remarks on it.
-    fn target(&self, name: &str, path: &Path) -> Result<(SourceTarget, Vec<&'static str>)> {
+    fn target(&self, name: &str, path: &Path) -> Result<(MorphTarget, Vec<&'static str>)> {
         let file = ObjFile::read_from(path, self.origin)?;
         let base = &self.file.positions;
         const REMEDY: &str = "export every target from the neutral mesh, with the same vertices in the same order";
@@ -269,7 +269,7 @@ impl Neutral {
             }
             (Some(_), _) => remarks.push(COMPUTED),
         }
-        Ok((SourceTarget { name: name.to_owned(), positions, normals, streams: vec![] }, remarks))
+        Ok((MorphTarget { name: name.to_owned(), positions, normals, streams: vec![] }, remarks))
     }
 }
 

@@ -6,4 +6,4 @@ mod write;
 
 pub use folder::import_folder;
 pub use read::ObjFile;
-pub use write::{ObjMesh, write_obj, write_obj_to};
+pub use write::{ObjMesh, write_obj};

@@ -1,12 +1,9 @@
 //! OBJ export.
 
-use crate::asset::{Faces, MorphMesh};
-use crate::error::{Error, Result, ensure};
-use crate::io::write_replacing;
+use crate::asset::{Faces, KeptMesh};
 use bytemuck::cast_slice;
 use glam::{Vec2, Vec3};
 use std::io::{self, Write};
-use std::path::Path;
 
 /// The parts of a mesh that an OBJ file holds. Vertices are written in the order given.
 #[derive(Clone, Copy, Debug)]
@@ -21,46 +18,19 @@ pub struct ObjMesh<'a> {
     pub faces: &'a Faces,
 }
 
-impl<'a> From<&'a MorphMesh> for ObjMesh<'a> {
+impl<'a> From<&'a KeptMesh> for ObjMesh<'a> {
     /// Takes the base pose.
-    fn from(mesh: &'a MorphMesh) -> Self {
+    fn from(mesh: &'a KeptMesh) -> Self {
         Self { positions: &mesh.positions, normals: &mesh.normals, texcoords: &mesh.texcoords, faces: &mesh.faces }
     }
-}
-
-/// Writes `mesh` to the file `path`. The old content is replaced when the new file is complete.
-///
-/// # Errors
-/// [`Error::Io`] if the file cannot be written; [`Error::Invalid`] if a value is not finite, an index is out of range,
-/// or the number of normals is neither 0 nor that of positions.
-pub fn write_obj(path: &Path, mesh: ObjMesh<'_>) -> Result<()> {
-    check(&mesh)?;
-    write_replacing(path, |out| write_obj_to(out, mesh))
-}
-
-fn check(mesh: &ObjMesh<'_>) -> Result<()> {
-    let refuse = |what: String| Error::invalid(what, "write a mesh that to_mesh() has accepted");
-    let v = mesh.positions.len();
-    let vt = mesh.texcoords.len();
-    let vn = mesh.normals.len();
-    ensure!(vn == 0 || vn == v, refuse(format!("{vn} normals for {v} vertices")));
-    for (name, vectors) in [("vertex", mesh.positions), ("the normal of vertex", mesh.normals)] {
-        for (i, vector) in vectors.iter().enumerate() {
-            ensure!(vector.is_finite(), refuse(format!("{name} {i} is not finite: {vector}")));
-        }
-    }
-    for (i, texcoord) in mesh.texcoords.iter().enumerate() {
-        ensure!(texcoord.is_finite(), refuse(format!("texture coordinate {i} is not finite: {texcoord}")));
-    }
-    mesh.faces.check(v, vt)
 }
 
 /// Writes `mesh` as OBJ text: `v`, `vt`, `vn` as decimals of the fewest digits that every `f32` reads back unchanged
 /// from, then `f v/vt/vn`.
 ///
 /// # Errors
-/// Those of `out`. Values are not checked; [`write_obj`] checks them.
-pub fn write_obj_to(out: &mut impl Write, mesh: ObjMesh<'_>) -> io::Result<()> {
+/// Those of `out`.
+pub fn write_obj(out: &mut impl Write, mesh: ObjMesh<'_>) -> io::Result<()> {
     rows(out, "v", 3, cast_slice(mesh.positions))?;
     rows(out, "vt", 2, cast_slice(mesh.texcoords))?;
     rows(out, "vn", 3, cast_slice(mesh.normals))?;

@@ -34,9 +34,8 @@ pub struct BlockDesc {
     /// Vertices per block, one of [`BLOCK_SIZES`]. `None`: 32 for `small`, else 64.
     pub size: Option<u32>,
     /// Largest error of a position delta (a length), as a fraction of
-    /// [`MorphMesh::diagonal`](crate::MorphMesh::diagonal); positive. Formats with
-    /// a fixed number of bits exceed it if a target moves further than they reach; [`BlockIndex::error`] is the
-    /// measured error.
+    /// [`PackedLayout::diagonal`](crate::PackedLayout::diagonal); positive. Formats with a fixed number of bits exceed
+    /// it if a target moves further than they reach; [`PackedLayout::error`](crate::PackedLayout::error) is measured.
     pub position_error: f32,
     /// Largest error of a normal or tangent at weight 1, in degrees; positive.
     pub normal_error_degrees: f32,
@@ -75,6 +74,7 @@ pub(crate) struct EntryCost {
 
 /// The blocks of a mesh: the targets that touch them, and the layout of their deltas.
 #[derive(Clone, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct BlockIndex {
     pub(crate) parts: Parts,
     // Derived from `parts` and the words.

@@ -1,13 +1,13 @@
 //! Tests of packing into blocks.
 
 use super::*;
-use crate::asset::MorphMesh;
+use crate::asset::KeptMesh;
 use crate::pack::grid::{DROPPED, HALF};
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
 use crate::testing;
 use glam::Vec3;
 
-fn packed(format: DeltaFormat, size: u32) -> (MorphMesh, PackedMesh) {
+fn packed(format: DeltaFormat, size: u32) -> (KeptMesh, PackedMesh) {
     let mesh = testing::mesh(500, 9);
     let blocks = BlockDesc { size: Some(size), ..BlockDesc::default() };
     let packed = PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).unwrap();

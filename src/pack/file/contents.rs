@@ -1,6 +1,6 @@
 //! Sections of a packed file: writing and reading. Every value read is checked.
 
-use super::Asset;
+use super::clips;
 use super::table::*;
 use crate::asset::streams::{Semantic, TRIPLES, group_streams};
 use crate::asset::{Corner, Faces, Tolerance};
@@ -10,6 +10,7 @@ use crate::pack::blocks::Parts;
 use crate::pack::{
     BASE_STRIDE, DeltaFormat, POSE_FLOATS, PackedGroup, PackedMesh, PoseError, TARGETS_MAX, VERTEX_PADDING,
 };
+use crate::weights::WeightClip;
 use glam::Vec2;
 use std::borrow::Borrow;
 use std::path::Path;
@@ -18,18 +19,18 @@ use std::sync::Arc;
 /// Remedy for a file with valid checksums and invalid contents.
 const INCONSISTENT: &str = "the program that wrote it is at fault: pack the mesh again";
 
-/// The file of `asset`, which is in a block format, with the content of section 'clips' if there are any.
-pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
-    let layout = asset.mesh.layout();
-    let faces = &asset.faces;
+/// The file of `mesh`, which is in a block format.
+pub(super) fn write(mesh: &PackedMesh) -> Result<Vec<u8>> {
+    let layout = mesh.layout();
+    let faces = &mesh.faces;
     let index = layout.index()?;
-    let groups = asset.mesh.groups();
+    let groups = mesh.groups();
     let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
     ensure!(groups.len() <= GROUPS_MAX, what, "leave streams out");
     let counts = |counts: &[usize]| counts.iter().map(|count| counted(*count)).collect::<Result<Vec<u32>>>();
     let corners = faces.corners.len();
-    let texcoords = asset.texcoords.len();
-    let Tolerance { position, normal } = asset.tolerance;
+    let texcoords = mesh.texcoords.len();
+    let Tolerance { position, normal } = mesh.tolerance;
     let meta = [
         &[layout.format.row().id, index.parts.size][..],
         &counts(&[layout.vertex_count, layout.targets.len(), faces.sizes.len(), corners, texcoords])?,
@@ -49,10 +50,12 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
         ((FACES, 0), bytes_of(&faces.sizes)),
         ((CORNERS, 0), bytes_of(faces.corners.iter().map(|c| c.position))),
         ((CORNER_TEXCOORDS, 0), bytes_of(corner_texcoords)),
-        ((TEXCOORDS, 0), bytes_of(asset.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits)))),
-        ((WELDS, 0), bytes_of(&asset.welds)),
+        ((TEXCOORDS, 0), bytes_of(mesh.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits)))),
+        ((WELDS, 0), bytes_of(&mesh.welds)),
     ];
-    contents.extend(clips.map(|clips| ((CLIPS, 0), clips)));
+    if !mesh.clips.is_empty() {
+        contents.push(((CLIPS, 0), clips::write(&mesh.clips)?));
+    }
     for (i, group) in groups.iter().enumerate() {
         let streams = &group.layout().streams;
         let index = group.layout().index()?;
@@ -80,7 +83,13 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     Ok(join(&contents))
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
+/// The clips of a file of these sections.
+pub(super) fn clips_of(path: &Path, sections: &Sections<'_>) -> Result<Vec<WeightClip>> {
+    let place = (CLIPS, 0);
+    clips::read(sections.get(place)).map_err(|what| malformed(path, Some(place), what, INCONSISTENT))
+}
+
+pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PackedMesh> {
     // All sections are copied below.
     room(path, bytes.len() as u64)?;
     let sections = split(path, bytes)?;
@@ -157,8 +166,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         let texcoord = corner_texcoords.get(i).copied().filter(|t| *t != u32::MAX);
         Corner { position, texcoord }
     };
-    let mut asset = Asset {
-        mesh: PackedMesh::of_groups(groups),
+    let mesh = PackedMesh {
+        groups,
         faces: Faces {
             sizes: checked((FACES, 0), face_count, 4, "faces")?,
             corners: positions.into_iter().enumerate().map(corner).collect(),
@@ -166,10 +175,10 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
         welds: optional(WELDS, vertices, "vertices")?,
         tolerance: Tolerance { position, normal },
+        clips: clips_of(path, &sections)?,
     };
-    asset.check().map_err(|what| malformed(path, None, what, INCONSISTENT))?;
-    asset.mesh.take_faces(&asset.faces)?;
-    Ok(asset)
+    mesh.check().map_err(|what| malformed(path, None, what, INCONSISTENT))?;
+    mesh.complete()
 }
 
 /// Section 'group'.

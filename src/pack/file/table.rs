@@ -178,26 +178,26 @@ pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
 }
 
 /// A number of things as files have it.
-pub(crate) fn counted(count: usize) -> Result<u32> {
+pub(super) fn counted(count: usize) -> Result<u32> {
     let what = |_| Error::invalid(format!("a list or name of {count} in a .dmorph file"), "split what has so many");
     u32::try_from(count).map_err(what)
 }
 
 /// Appends a name: its length in bytes, and UTF-8.
-pub(crate) fn push_name(out: &mut Vec<u8>, name: &str) -> Result<()> {
+pub(super) fn push_name(out: &mut Vec<u8>, name: &str) -> Result<()> {
     out.extend(counted(name.len())?.to_le_bytes());
     out.extend(name.as_bytes());
     Ok(())
 }
 
 /// Takes a number from the front.
-pub(crate) fn u32_of(rest: &mut &[u8]) -> Result<u32, String> {
+pub(super) fn u32_of(rest: &mut &[u8]) -> Result<u32, String> {
     let number = rest.split_off(..4).and_then(|bytes| u32_at(bytes, 0));
     number.ok_or_else(|| "ends within a number".to_owned())
 }
 
 /// Takes a name from the front.
-pub(crate) fn name_of<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
+pub(super) fn name_of<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
     let length = u32_of(rest)? as usize;
     let name = rest.split_off(..length).ok_or_else(|| format!("ends within a name of {length} bytes"))?;
     std::str::from_utf8(name).map_err(|_| "has a name that is not UTF-8".to_owned())

@@ -70,16 +70,19 @@ impl DeltaFormat {
     }
 
     /// 32-bit words per delta; 0 for block formats, where it varies by entry.
+    #[doc(hidden)]
     pub const fn words(self) -> usize {
         self.row().words as usize
     }
 
     /// Bytes per delta; 0 for block formats.
+    #[doc(hidden)]
     pub const fn stride(self) -> usize {
         self.words() * 4
     }
 
     /// Vertex attributes per target in a feedback pass (dense formats).
+    #[doc(hidden)]
     pub const fn attributes(self) -> usize {
         self.row().attributes.len()
     }
@@ -90,11 +93,13 @@ impl DeltaFormat {
     }
 
     /// One-line description, shown in the command line's help.
+    #[doc(hidden)]
     pub const fn summary(self) -> &'static str {
         self.row().summary
     }
 
     /// The format of this id in packed files; `None` if there is none.
+    #[doc(hidden)]
     pub fn from_id(id: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|f| id != 0 && f.row().id == id)
     }

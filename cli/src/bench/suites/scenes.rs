@@ -6,7 +6,7 @@ use crate::bench::session::Session;
 use crate::bench::workload::Workload;
 use crate::input::{self, Input};
 use crate::output::Failure;
-use deltamorph::MorphMesh;
+use deltamorph::KeptMesh;
 use deltamorph_head::{HeadDesc, head_clip};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -77,7 +77,7 @@ pub fn kept(session: &Session<'_>) -> Result<Vec<Scene>, Failure> {
     let mut counts: Vec<usize> = (1..=POINTS).map(|i| (total * i / POINTS).max(1.min(total))).collect();
     counts.dedup();
     let scene = |count| {
-        let first = |mesh: &MorphMesh| {
+        let first = |mesh: &KeptMesh| {
             let mut mesh = mesh.clone();
             mesh.targets.truncate(count);
             Arc::new(mesh)

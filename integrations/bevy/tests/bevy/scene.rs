@@ -18,7 +18,7 @@ use bevy::render::renderer::RenderDevice;
 use bevy::render::settings::{Backends, InstanceFlags, WgpuSettings};
 use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
-use deltamorph_bevy::deltamorph::{MorphMesh, Tolerance, WeightClip};
+use deltamorph_bevy::deltamorph::{KeptMesh, Tolerance, WeightClip};
 use deltamorph_bevy::{DeltamorphPlugin, DeltamorphSettings};
 use deltamorph_head as sample;
 
@@ -41,7 +41,7 @@ pub struct SceneDesc {
 
 /// A face, and the rows of weights that it plays.
 pub struct Face {
-    pub morphs: MorphMesh,
+    pub morphs: KeptMesh,
     pub clip: Vec<Vec<f32>>,
 }
 
@@ -49,12 +49,12 @@ impl Face {
     /// Makes the built-in head with its clip. `sparsity`: the mean fraction of the vertices that a target moves.
     pub fn head(vertices: usize, targets: usize, sparsity: f32) -> Result<Self> {
         let head = sample::HeadDesc { vertices, targets, sparsity, ..Default::default() };
-        let morphs = sample::head(&head).split()?.to_mesh(Tolerance::default())?;
+        let morphs = sample::head(&head).split()?.kept(Tolerance::default())?;
         Self::new(morphs, &sample::head_clip(&head, 120, 30.0))
     }
 
     /// Makes a face, and binds a clip to its targets.
-    pub fn new(morphs: MorphMesh, clip: &WeightClip) -> Result<Self> {
+    pub fn new(morphs: KeptMesh, clip: &WeightClip) -> Result<Self> {
         let names: Vec<&str> = morphs.targets.iter().map(|target| target.name.as_str()).collect();
         let clip = clip.bind(&names)?.frames().collect();
         Ok(Self { morphs, clip })
@@ -112,7 +112,7 @@ impl Scene {
         Ok(scene)
     }
 
-    fn populate(&mut self, desc: &SceneDesc, morphs: &MorphMesh) {
+    fn populate(&mut self, desc: &SceneDesc, morphs: &KeptMesh) {
         let world = self.app.world_mut();
         let (low, high) = morphs
             .positions

@@ -8,7 +8,7 @@ use bevy::render::renderer::RenderAdapterInfo;
 use bevy::render::settings::InstanceFlags;
 use deltamorph_bevy::DeltamorphSettings;
 use deltamorph_bevy::deltamorph::Tolerance;
-use deltamorph_bevy::deltamorph::import::{self, ImportDesc, ImportedMesh};
+use deltamorph_bevy::deltamorph::import::{self, ImportedMesh};
 use std::path::Path;
 use std::sync::PoisonError;
 use std::time::Instant;
@@ -80,10 +80,10 @@ fn frames() {
 
 /// Reads a folder with a mesh, its targets and a clip, the last by name.
 fn read(folder: &Path) -> Result<Face> {
-    let found = import::open(folder, &ImportDesc { split: true, ..Default::default() })?;
+    let found = import::open(folder)?;
     let ImportedMesh::Source(source) = found.mesh else { return Err("a packed file has no attributes".into()) };
     let clip = found.clips.last().ok_or("no weights/*.csv")?;
-    Face::new(source.to_mesh(Tolerance::default())?, &import::open_clip(clip, None)?)
+    Face::new(source.split()?.kept(Tolerance::default())?, &import::open_clip(clip, None)?)
 }
 
 /// Makes rows of random weights, all nonzero.

@@ -33,7 +33,7 @@ fn zeros(file: &mut Written, count: usize) -> [usize; 3] {
 /// Read a file, and make one mesh of it, where it is accepted.
 fn take(file: &Written) -> Option<String> {
     let (glb, started) = (file.glb(), Instant::now());
-    let result = read(&glb).and_then(|gltf| within(glb.len(), || gltf.into_mesh(true)));
+    let result = read(&glb).and_then(|gltf| within(glb.len(), || gltf.into_mesh()));
     assert!(started.elapsed() < SOON, "{:?} for {} bytes", started.elapsed(), glb.len());
     result.err().map(|e| e.to_string())
 }

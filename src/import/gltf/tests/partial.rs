@@ -7,7 +7,7 @@ use super::*;
 const HAIR: [[f32; 3]; 3] = [[5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [5.0, 1.0, 0.0]];
 
 /// What is read of a file of a face and hair, after `change` has made a part of it unusable; and the notes.
-fn left(change: impl FnOnce(&mut Written)) -> (MorphSource, Vec<MorphSource>, String) {
+fn left(change: impl FnOnce(&mut Written)) -> (Mesh, Vec<Mesh>, String) {
     let mut file = small();
     let hair = file.floats(&HAIR);
     let skin = file.json["meshes"][0]["primitives"][0]["attributes"].clone();
@@ -20,7 +20,7 @@ fn left(change: impl FnOnce(&mut Written)) -> (MorphSource, Vec<MorphSource>, St
     let read = file.read().expect("what is left is read");
     let mut notes = read.notes.clone();
     notes.extend(read.meshes.iter().flat_map(|mesh| mesh.source.notes.clone()));
-    let Scene { mesh, still } = read.into_scene(false).expect("what is left is read");
+    let Scene { mesh, still } = read.into_scene().expect("what is left is read");
     (mesh.source, still.into_iter().map(|still| still.source).collect(), notes.join("\n"))
 }
 

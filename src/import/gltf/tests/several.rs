@@ -27,7 +27,7 @@ fn clip(file: &mut Written, name: &str, node: usize, from: &[f32], to: &[f32]) -
         "channels": [{"sampler": 0, "target": {"node": node, "path": "weights"}}]})
 }
 
-fn names(source: &MorphSource) -> Vec<&str> {
+fn names(source: &Mesh) -> Vec<&str> {
     source.targets.iter().map(|target| target.name.as_str()).collect()
 }
 
@@ -46,7 +46,7 @@ fn each_clip_is_found_by_its_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("head.glb");
     std::fs::write(&path, file.glb()).unwrap();
-    let listed = crate::import::open(&path, &crate::import::ImportDesc::default()).unwrap().clips;
+    let listed = crate::import::open(&path).unwrap().clips;
     let names: Vec<&str> = listed.iter().map(|clip| clip.to_str().unwrap().split_once('#').unwrap().1).collect();
     assert_eq!(names, ["walk", "talk", "talk 2", "a#b"]);
     for (clip, first) in listed.iter().zip([0.0, 0.25, 0.5, 0.125]) {
@@ -60,7 +60,7 @@ fn each_clip_is_found_by_its_name() {
     file.json["animations"].as_array_mut().unwrap().truncate(1);
     let path = folder.path().join("head.vrm");
     std::fs::write(&path, file.glb()).unwrap();
-    assert_eq!(crate::import::open(&path, &crate::import::ImportDesc::default()).unwrap().clips.len(), 1);
+    assert_eq!(crate::import::open(&path).unwrap().clips.len(), 1);
     assert_eq!(crate::import::open_clip(&path, None).unwrap().name, "walk");
     file.json["animations"] = json!([]);
     std::fs::write(&path, file.glb()).unwrap();
@@ -140,7 +140,7 @@ fn targets_move_together_where_nodes_have_the_same_weights() {
         let last: Vec<String> = last.map(|(name, weight)| format!("{name} {weight}")).collect();
         assert_eq!(last.join(", "), expected);
         let of_nodes: Vec<String> = (0..2).flat_map(|node| read.target_names(node)).map(str::to_owned).collect();
-        let source = read.into_mesh(false).unwrap().source;
+        let source = read.into_mesh().unwrap();
         let names = names(&source);
         assert!(clip.names.iter().all(|name| names.contains(&name.as_str())), "{names:?} {clip:?}");
         assert!(of_nodes.iter().all(|name| names.contains(&name.as_str())), "{names:?} {of_nodes:?}");
@@ -196,7 +196,7 @@ fn weights_of_a_node_come_before_those_of_its_mesh() {
         assert_eq!(read.clip(&read.animations[0], Some(1.0)).unwrap().values, columns.repeat(2));
         let said = format!("weights at rest, which only clips of the file have: {note}");
         let expected = if note.is_empty() { vec![] } else { vec![said] };
-        assert_eq!(read.into_mesh(false).unwrap().source.notes, expected);
+        assert_eq!(read.into_mesh().unwrap().notes, expected);
     }
 }
 
@@ -222,8 +222,8 @@ fn the_scene_that_is_shown_says_which_meshes_are_taken() {
         file.json.as_object_mut().unwrap().remove("scene");
         file.json.as_object_mut().unwrap().extend(scene.as_object().unwrap().clone());
         file.json["scenes"] = scenes;
-        match (file.read().and_then(|file| file.into_mesh(false)), expected) {
-            (Ok(Drawn { source, .. }), Ok((targets, vertices, left_out))) => {
+        match (file.read().and_then(|file| file.into_mesh()), expected) {
+            (Ok(source), Ok((targets, vertices, left_out))) => {
                 assert_eq!((names(&source).join(" ").as_str(), source.positions.len()), (targets, vertices));
                 let said = format!("not in the scene, and left out: {left_out}");
                 assert_eq!(source.notes.contains(&said), !left_out.is_empty(), "{:?}", source.notes);

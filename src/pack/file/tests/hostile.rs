@@ -19,9 +19,9 @@ fn span(bytes: &[u8], section: Section) -> (usize, usize) {
     span_at(bytes, row(bytes, (section, 0)))
 }
 
-/// Asserts what is said of the file of `asset` with one word of a section replaced and checksums repaired.
-fn assert_says(asset: &Asset, place: (Section, usize), word: usize, value: u32, part: &str) {
-    let mut bytes = asset.to_bytes().unwrap();
+/// Asserts what is said of the file of `packed` with one word of a section replaced and checksums repaired.
+fn assert_says(packed: &PackedMesh, place: (Section, usize), word: usize, value: u32, part: &str) {
+    let mut bytes = packed.to_bytes().unwrap();
     let at = span_at(&bytes, row(&bytes, place)).0 + 4 * word;
     bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
     repair(&mut bytes);
@@ -31,7 +31,7 @@ fn assert_says(asset: &Asset, place: (Section, usize), word: usize, value: u32, 
 
 #[test]
 fn a_file_that_ends_early_and_every_flipped_bit_are_noticed() {
-    let whole = asset(DeltaFormat::Fast, None).to_bytes().unwrap();
+    let whole = packed(DeltaFormat::Fast, None).to_bytes().unwrap();
     for at in 0..whole.len() {
         let text = message(&whole[..at]);
         assert!(at < 8 || text.contains("damaged"), "{text}");
@@ -44,7 +44,7 @@ fn a_file_that_ends_early_and_every_flipped_bit_are_noticed() {
 
 #[test]
 fn the_frame_is_checked_under_valid_checksums() {
-    let bytes = asset(DeltaFormat::Small, None).to_bytes().unwrap();
+    let bytes = packed(DeltaFormat::Small, None).to_bytes().unwrap();
     let change = |at: usize, with: &[u8]| {
         let mut bytes = bytes.clone();
         bytes[at..at + with.len()].copy_from_slice(with);
@@ -81,12 +81,12 @@ fn the_frame_is_checked_under_valid_checksums() {
 
 #[test]
 fn contents_are_checked_under_valid_checksums() {
-    let [small, fast] = [DeltaFormat::Small, DeltaFormat::Fast].map(|format| asset(format, None));
+    let [small, fast] = [DeltaFormat::Small, DeltaFormat::Fast].map(|format| packed(format, None));
     let (nan, inf) = (f32::NAN.to_bits(), f32::INFINITY.to_bits());
     let giant = u32::MAX;
-    let entries = small.mesh.layout().blocks.as_ref().unwrap().entry_count();
+    let entries = small.layout().blocks.as_ref().unwrap().entry_count();
     let headers = entries * 3; // words of small headers
-    for (asset, section, word, value, part) in [
+    for (packed, section, word, value, part) in [
         (&small, META, 0, 7, "'meta': names a format 7 that"),
         (&small, META, 1, 48, "a block size of 48"),
         (&small, META, 1, 64, "blocks"),
@@ -146,10 +146,10 @@ fn contents_are_checked_under_valid_checksums() {
         (&fast, CORNER_TEXCOORDS, 0, 2, "texture coordinate 2, there are 2"),
         (&fast, TEXCOORDS, 3, inf, "texture coordinate 1 is"),
     ] {
-        assert_says(asset, (section, 0), word, value, part);
+        assert_says(packed, (section, 0), word, value, part);
     }
     // A mask with more vertices than records, or fewer.
-    let words = small.mesh.surface().deltas();
+    let words = small.surface().deltas();
     let masked = (0..entries - 1).find(|entry| words[3 * entry + 1] >> 31 == 1).expect("an entry with a mask");
     let mask = headers.next_multiple_of(4) + words[3 * masked] as usize;
     for value in [0, giant] {
@@ -176,7 +176,7 @@ fn contents_are_checked_under_valid_checksums() {
     // Numbers that are all 0, shifted.
     let mut still = mesh(70, 4);
     still.targets.iter_mut().for_each(|target| target.normals.fill(Vec3::ZERO));
-    let still = Asset::pack(&still, &PackDesc::new(DeltaFormat::Fast)).unwrap();
+    let still = PackedMesh::pack(&still, &PackDesc::new(DeltaFormat::Fast)).unwrap();
     assert_says(&still, (WORDS, 0), 0, 1 << 8, "entry 0 shifts numbers that are all 0");
     // Welds to a later vertex, to a welded one, out of range; too few of them.
     let (mesh, split) = split_head(DeltaFormat::Fast);
