@@ -459,7 +459,7 @@ typedef struct DmEngineInfo {
     uint32_t is_software;
     /// Bytes that a storage-buffer descriptor may cover.
     uint64_t max_storage_range;
-    /// Bytes of device and staging memory that the engine has allocated from the driver, including unused parts of blocks.
+    /// Bytes of device and staging memory that the engine has allocated from the driver, with unused parts of blocks.
     uint64_t allocated_bytes;
     /// The device's name, ended by a zero.
     char device_name[256];
@@ -1227,17 +1227,15 @@ DmResult dm_record_update(VkCommandBuffer cmd, uint32_t count, const struct DmCr
 /// Neither the update nor any later one of the crowd runs.
 DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 
-/// Get the buffer and layout of an instance's pose, and of the pose before its last update, for motion vectors. They are
-/// there once the updates recorded so far have run.
+/// Get the buffer and layout of an instance's pose, and of the pose before its last update, for motion vectors. They
+/// are there once the updates recorded so far have run.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed; if no update was recorded yet, or the instance's
 /// update was discarded.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
-DmResult dm_crowd_pose(struct DmCrowd crowd,
-                       uint32_t instance,
-                       struct DmPoseView *view);
+DmResult dm_crowd_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 
 /// Get the buffer and layout of any stream (`DM_STREAM_...`) of the mesh in an instance's pose.
 ///

@@ -36,7 +36,7 @@ pub struct Input {
     pub normalise: bool,
     /// The folder, or "built-in head": for reports.
     pub origin: String,
-    /// Prints notes on clips.
+    /// Prints warnings about clips.
     pub out: Option<Output>,
     /// The largest absolute weight of clips and settings that have been read: fixed-point poses have to hold it.
     pub largest: Cell<f32>,
@@ -298,7 +298,7 @@ impl Input {
         Failure::Usage(format!("{error}{clips}"))
     }
 
-    /// What was read; without it a note says why.
+    /// What was read; without it a warning says why.
     pub fn unless_bad<T>(&self, clip: Result<T, impl Into<Failure>>) -> Option<T> {
         let note = |why: Failure| self.out.iter().for_each(|out| out.warn(format_args!("{why}; skipped")));
         clip.map_err(Into::into).map_err(note).ok()

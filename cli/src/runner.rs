@@ -26,7 +26,7 @@ fn updates(gpu: &Gpu, args: &RunArgs) -> bool {
     }
 }
 
-/// Opens the device chosen on the command line. `None`, with a note, if there is none and none was chosen.
+/// Opens the device chosen on the command line. `None`, with a warning, if there is none and none was chosen.
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
     let desc = HeadlessDesc { device: choice.cloned().unwrap_or_default(), ..Default::default() };
     let gpu = if_any(Gpu::new(&desc), choice, out)?;
@@ -40,7 +40,7 @@ pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, 
     Ok(gpu)
 }
 
-/// `None`, with a note, if there is no device and none was chosen; other errors are failures.
+/// `None`, with a warning, if there is no device and none was chosen; other errors are failures.
 fn if_any<T>(opened: deltamorph::Result<T>, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<T>, Failure> {
     match opened {
         Err(error @ Error::NoDevice { .. }) if choice.is_none() => {

@@ -55,8 +55,8 @@ pub struct Sets {
 }
 
 impl Sets {
-    /// Makes sets of the layout that `kernel` declares with these `bindings`: one for each element of `bound`, which has
-    /// a range for each binding.
+    /// Makes sets of the layout that `kernel` declares with these `bindings`: one for each element of `bound`, which
+    /// has a range for each binding.
     pub(super) fn new(
         device: &Arc<Device>,
         (kernel, bindings, set_layout): (&str, &[Binding], vk::DescriptorSetLayout),

@@ -116,7 +116,7 @@ pub struct DmEngineInfo {
     pub is_software: u32,
     /// Bytes that a storage-buffer descriptor may cover.
     pub max_storage_range: u64,
-    /// Bytes of device and staging memory that the engine has allocated from the driver, including unused parts of blocks.
+    /// Bytes of device and staging memory that the engine has allocated from the driver, with unused parts of blocks.
     pub allocated_bytes: u64,
     /// The device's name, ended by a zero.
     pub device_name: [c_char; 256],

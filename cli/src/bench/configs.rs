@@ -54,7 +54,7 @@ pub struct Wanted<'a> {
 }
 
 /// The configurations that can run, and those requested that cannot, with the reason. Defaults that cannot run are
-/// skipped without a note.
+/// skipped without a warning.
 pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) -> (Vec<Config>, Vec<Skipped>) {
     let (mut configs, mut skipped): (Vec<Config>, Vec<Skipped>) = (vec![], vec![]);
     let (update, sizes_named) = (&args.update, !args.batch_sizes.is_empty());

@@ -83,7 +83,7 @@ impl<'a> App<'a> {
             let count = said.len();
             let name = "the validation layers";
             self.failure =
-                Some(Failure::Failed(format!("{name} have {count} messages, the first: {first}; report this")));
+                Some(Failure::Failed(format!("{name} reported {count} messages, the first: {first}; report this")));
         }
         self.failure.map_or(Ok(()), Err)
     }

@@ -35,7 +35,9 @@ fn its_json_keeps_its_contract() {
     let text = ok(&[&["info"], &HEAD[..]].concat());
     assert!(text.contains("1,200 vertices") && text.contains("eyeBlinkLeft"), "{text}");
     assert!(
-        text.contains("deltas in small:") && text.contains("1 in steps of 2^-") && text.contains("12-byte format: fixed16,"),
+        text.contains("deltas in small:")
+            && text.contains("1 in steps of 2^-")
+            && text.contains("12-byte format: fixed16,"),
         "{text}"
     );
     let names: Vec<&str> = plain["formats"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
