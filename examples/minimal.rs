@@ -8,9 +8,7 @@
 
 use deltamorph::ash::prelude::VkResult;
 use deltamorph::ash::{self, Device, vk};
-use deltamorph::{
-    CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, PackedMesh, PoseFormat, PoseView, Tolerance, UpdateDesc,
-};
+use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, PoseFormat, PoseView, UpdateDesc};
 use deltamorph_head as head;
 use glam::{Mat4, Vec3};
 use glslang::{Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage};
@@ -330,8 +328,7 @@ fn run(wanted: &str) -> Result<()> {
     // SAFETY: the handles belong together, and are destroyed after the engine and its objects.
     let engine = unsafe { MorphEngine::new(&desc) }?;
     let head_desc = head::HeadDesc { vertices: 5_000, targets: 52, ..Default::default() };
-    let source = head::head(&head_desc).kept(Tolerance::default())?;
-    let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
+    let mesh = head::head(&head_desc).pack(&engine.pack_desc(DeltaFormat::Fast))?;
     let names: Vec<&str> = mesh.layout().targets.iter().map(|t| t.name.as_str()).collect();
     let clip: Vec<Vec<f32>> = head::head_clip(&head_desc, FRAMES, 30.0).bind(&names)?.frames().collect();
 

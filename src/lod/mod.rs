@@ -10,11 +10,10 @@
 //!
 //! ```
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
-//! use deltamorph::{DeltaFormat, PackDesc, PackedMesh, Tolerance};
+//! use deltamorph::{DeltaFormat, PackDesc};
 //!
 //! let desc = deltamorph_head::HeadDesc { vertices: 500, ..Default::default() };
-//! let head = deltamorph_head::head(&desc).kept(Tolerance::default())?;
-//! let mesh = PackedMesh::pack(&head, &PackDesc::new(DeltaFormat::Fast))?;
+//! let mesh = deltamorph_head::head(&desc).pack(&PackDesc::new(DeltaFormat::Fast))?;
 //! let importance = Importance::of_packed(&mesh, &["eyeBlink"])?;
 //! let mut level = Level::new(LevelDesc { pixels: 1.0, ..Default::default() });
 //! // Each frame, for each instance:

@@ -9,9 +9,7 @@ use bevy::mesh::{MeshVertexAttribute, VertexAttributeValues};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::{AssetId, Mesh, error};
 use bevy::render::sync_world::MainEntity;
-use deltamorph::{
-    CrowdDesc, Error, MeshArrays, PackedLayout, PackedMesh, PoseFormat, Result, Semantic, TargetArrays, UpdateDesc,
-};
+use deltamorph::{CrowdDesc, Error, MeshArrays, PackedLayout, PoseFormat, Result, Semantic, TargetArrays, UpdateDesc};
 use deltamorph_wgpu::{Crowd, Morph};
 
 /// Targets of an entity in Bevy's buffer, used alternately for the new pose and the previous one.

@@ -4,7 +4,7 @@
 //!
 //! Plays part of a clip and writes the last frame as `head.png`.
 
-use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Tolerance, UpdateDesc};
+use deltamorph::{CrowdDesc, DeltaFormat, PoseFormat, UpdateDesc};
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_wgpu::{Morph, VertexInput};
 use std::error::Error;
@@ -49,9 +49,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 pub fn draw(device: &wgpu::Device, queue: &wgpu::Queue, frames: usize) -> Result<Vec<u8>, Box<dyn Error>> {
     // The mesh, packed for the device, and a crowd of one instance.
     let head_desc = HeadDesc { vertices: 10_000, ..Default::default() };
-    let source = head(&head_desc).kept(Tolerance::default())?;
     let morph = Morph::new(device, queue)?;
-    let packed = PackedMesh::pack(&source, &morph.pack_desc(DeltaFormat::Fast))?;
+    let packed = head(&head_desc).pack(&morph.pack_desc(DeltaFormat::Fast))?;
     let mesh = morph.upload(&packed)?;
     let mut crowd = morph.create_crowd(&mesh, &CrowdDesc::new(UpdateDesc::blocks()))?;
     let names: Vec<&str> = packed.layout().targets.iter().map(|target| target.name.as_str()).collect();
