@@ -219,7 +219,7 @@ impl Host {
         }
         let push = [vk::PushConstantRange { stage_flags: vk::ShaderStageFlags::VERTEX, offset: 0, size: 64 }];
         let layout = vk::PipelineLayoutCreateInfo::default().push_constant_ranges(&push);
-        let (bindings, attributes) = format.vertex_input(false);
+        let (bindings, attributes) = format.vertex_input();
         let input = vk::PipelineVertexInputStateCreateInfo::default().vertex_binding_descriptions(&bindings);
         let input = input.vertex_attribute_descriptions(&attributes);
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default();
@@ -347,8 +347,7 @@ fn run(wanted: &str) -> Result<()> {
     // SAFETY: `submit` hands out a recording buffer; the mesh is dropped after the last wait.
     let mut uploaded = host.submit(&frames[0], |cmd| Ok(unsafe { engine.upload(cmd, &mesh) }?))?;
     host.wait(&frames[0])?;
-    // SAFETY: the upload has run.
-    unsafe { uploaded.release_staging() };
+    uploaded.release_staging();
     let crowd_desc = CrowdDesc { frames_in_flight: FRAMES_IN_FLIGHT as u32, ..CrowdDesc::new(UpdateDesc::blocks()) };
     let mut crowd = engine.create_crowd(&uploaded, &crowd_desc)?;
 

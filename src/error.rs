@@ -58,7 +58,7 @@ pub enum Error {
         /// The alternative to use.
         remedy: String,
     },
-    /// There is not enough memory, on the host or on the device. Only the size of the request is wrong.
+    /// There is not enough memory, on the host or on the device. A smaller request may still fit.
     #[error("{what}; {remedy}", what = Printable(what))]
     OutOfMemory {
         /// The purpose and the size of the memory.
@@ -66,21 +66,27 @@ pub enum Error {
         /// The remedy.
         remedy: String,
     },
-    /// There is no Vulkan device: no loader, no driver, or none in its list. The engine itself looks for none.
-    #[error("{what}; {remedy}", what = Printable(what))]
-    NoDevice {
-        /// The part that is missing.
-        what: String,
-        /// The remedy.
-        remedy: &'static str,
+    /// The device is lost, and has to be created anew.
+    #[error("Vulkan: {call} failed: ERROR_DEVICE_LOST; create the device anew; its buffers are gone")]
+    DeviceLost {
+        /// The call that reported it.
+        call: &'static str,
     },
-    /// A Vulkan call failed.
+    /// Another Vulkan call failed.
     #[error("Vulkan: {call} failed: {result:?}; {remedy}")]
     Vulkan {
         /// The call.
         call: &'static str,
         /// The result that it returned.
         result: vk::Result,
+        /// The remedy.
+        remedy: &'static str,
+    },
+    /// There is no Vulkan device: no loader, no driver, or none in its list. The engine itself looks for none.
+    #[error("{what}; {remedy}", what = Printable(what))]
+    NoDevice {
+        /// The part that is missing.
+        what: String,
         /// The remedy.
         remedy: &'static str,
     },
@@ -130,36 +136,6 @@ pub(crate) fn listed(names: &[impl AsRef<str>]) -> String {
     let few: Vec<String> = names.iter().take(10).map(|name| format!("'{}'", shortened(name.as_ref()))).collect();
     let more = names.len() - few.len();
     few.join(", ") + &if more > 0 { format!(" and {more} more") } else { String::new() }
-}
-
-/// The kind of an [`Error`] as a stable number, for hosts that decide what to do next, log codes, or cross an FFI
-/// boundary. Numbers are never reused; new ones are added at the end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-#[repr(u32)]
-pub enum ErrorKind {
-    /// A file or folder could not be read or written: [`Error::Io`].
-    Io = 1,
-    /// The content of a file cannot be used: [`Error::Input`].
-    Input = 2,
-    /// A value handed to the API cannot be used: [`Error::Invalid`].
-    Invalid = 3,
-    /// The device lacks what an update path needs, or there is none: [`Error::Unsupported`], [`Error::NoDevice`].
-    Unsupported = 4,
-    /// The host or the device is out of memory: [`Error::OutOfMemory`], or an [`Error::Vulkan`] with such a result. A
-    /// smaller request may still fit.
-    OutOfMemory = 5,
-    /// The device is lost: an [`Error::Vulkan`] with that result. The device has to be created anew.
-    DeviceLost = 6,
-    /// Another Vulkan call failed: [`Error::Vulkan`].
-    Vulkan = 7,
-}
-
-impl ErrorKind {
-    /// Returns the stable number.
-    pub fn number(self) -> u32 {
-        self as u32
-    }
 }
 
 /// Text that may repeat a file's name or content. Control characters are escaped, so that no file can control the
@@ -217,7 +193,6 @@ fn remedy(call: &str, result: vk::Result) -> &'static str {
             _ => "free memory: end other programs, or destroy what is no longer needed",
         },
         Vk::ERROR_TOO_MANY_OBJECTS => "destroy what is no longer needed",
-        Vk::ERROR_DEVICE_LOST => "create the device anew; its buffers are gone",
         Vk::ERROR_SURFACE_LOST_KHR | Vk::ERROR_NATIVE_WINDOW_IN_USE_KHR => "open the window anew",
         Vk::ERROR_INCOMPATIBLE_DRIVER | Vk::ERROR_INITIALIZATION_FAILED => {
             "check that a Vulkan 1.1 driver is installed and works (./with-vulkan installs lavapipe), or use the path \
@@ -228,35 +203,44 @@ fn remedy(call: &str, result: vk::Result) -> &'static str {
 }
 
 impl Error {
-    /// Returns the kind of this error.
-    pub fn kind(&self) -> ErrorKind {
-        use vk::Result as Vk;
+    /// The number of the variant, which is the result of functions of the C API. Numbers are never reused; new ones are
+    /// added at the end.
+    pub const fn number(&self) -> u32 {
         match self {
-            Self::Io { source, .. } if source.kind() == io::ErrorKind::OutOfMemory => ErrorKind::OutOfMemory,
-            Self::Io { .. } => ErrorKind::Io,
-            Self::Input { .. } => ErrorKind::Input,
-            Self::Invalid { .. } => ErrorKind::Invalid,
-            Self::Unsupported { .. } | Self::NoDevice { .. } => ErrorKind::Unsupported,
-            Self::OutOfMemory { .. } => ErrorKind::OutOfMemory,
-            Self::Vulkan { result, .. } => match *result {
-                Vk::ERROR_OUT_OF_HOST_MEMORY | Vk::ERROR_OUT_OF_DEVICE_MEMORY | Vk::ERROR_OUT_OF_POOL_MEMORY => {
-                    ErrorKind::OutOfMemory
-                }
-                Vk::ERROR_DEVICE_LOST => ErrorKind::DeviceLost,
-                _ => ErrorKind::Vulkan,
-            },
+            Self::Io { .. } => 1,
+            Self::Input { .. } => 2,
+            Self::Invalid { .. } => 3,
+            Self::Unsupported { .. } => 4,
+            Self::OutOfMemory { .. } => 5,
+            Self::DeviceLost { .. } => 6,
+            Self::Vulkan { .. } => 7,
+            Self::NoDevice { .. } => 8,
         }
     }
 
-    /// Returns a function for `map_err` that makes an [`Error::Vulkan`], with a fitting remedy, from the result of the
-    /// Vulkan function `call`. Hosts may use it for their own calls.
+    /// Returns a function for `map_err` that makes an error, with a fitting remedy, from the result of the Vulkan
+    /// function `call`.
+    #[doc(hidden)]
     pub fn vulkan(call: &'static str) -> impl Fn(vk::Result) -> Self {
-        move |result| Self::Vulkan { call, result, remedy: remedy(call, result) }
+        use vk::Result as Vk;
+        move |result| match result {
+            Vk::ERROR_OUT_OF_HOST_MEMORY | Vk::ERROR_OUT_OF_DEVICE_MEMORY | Vk::ERROR_OUT_OF_POOL_MEMORY => {
+                Self::out_of_memory(format!("Vulkan: {call} failed: {result:?}"), remedy(call, result))
+            }
+            Vk::ERROR_DEVICE_LOST => Self::DeviceLost { call },
+            _ => Self::Vulkan { call, result, remedy: remedy(call, result) },
+        }
     }
 
-    /// Returns a function for `map_err` that makes an [`Error::Io`] from the system's error.
+    /// Returns a function for `map_err` that makes an error from the system's.
     pub(crate) fn io(path: &Path, action: &'static str) -> impl Fn(io::Error) -> Self {
-        move |source| Self::Io { path: path.to_path_buf(), action, source }
+        move |source| {
+            if source.kind() == io::ErrorKind::OutOfMemory {
+                let what = format!("{}: cannot {action}: {source}", path.display());
+                return Self::out_of_memory(what, io_remedy(source.kind()));
+            }
+            Self::Io { path: path.to_path_buf(), action, source }
+        }
     }
 
     /// Makes an [`Error::Input`].
@@ -287,14 +271,13 @@ mod tests {
 
     /// Hosts store these numbers: one that changes is a breaking change.
     #[test]
-    fn kinds_have_stable_numbers() {
+    fn errors_have_stable_numbers() {
         let (vulkan, none) = (Error::vulkan("vkCall"), String::new);
         let all = [
             (1, io(io::ErrorKind::NotFound)),
             (2, Error::input(Path::new("a"), "", "what", "remedy")),
             (3, Error::invalid("what", "remedy")),
             (4, Error::Unsupported { path: "compute", device: none(), reason: none(), remedy: none() }),
-            (4, Error::NoDevice { what: none(), remedy: "" }),
             (5, Error::out_of_memory("what", "remedy")),
             (5, io(io::ErrorKind::OutOfMemory)),
             (5, vulkan(vk::Result::ERROR_OUT_OF_HOST_MEMORY)),
@@ -302,9 +285,10 @@ mod tests {
             (5, vulkan(vk::Result::ERROR_OUT_OF_POOL_MEMORY)),
             (6, vulkan(vk::Result::ERROR_DEVICE_LOST)),
             (7, vulkan(vk::Result::ERROR_INITIALIZATION_FAILED)),
+            (8, Error::NoDevice { what: none(), remedy: "" }),
         ];
         for (number, error) in all {
-            assert_eq!(error.kind().number(), number, "{error:?}");
+            assert_eq!(error.number(), number, "{error:?}");
         }
         let lost = vulkan(vk::Result::ERROR_DEVICE_LOST).to_string();
         assert!(lost.starts_with("Vulkan: vkCall failed: ERROR_DEVICE_LOST; create the device anew"), "{lost}");

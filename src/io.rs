@@ -145,7 +145,7 @@ mod tests {
     #[test]
     fn what_there_is_no_memory_for_is_an_error() {
         let error = room(Path::new("a/huge.dmorph"), u64::MAX).unwrap_err();
-        assert_eq!(error.kind(), crate::ErrorKind::OutOfMemory);
+        assert!(matches!(error, Error::OutOfMemory { .. }));
         assert!(error.to_string().starts_with("a/huge.dmorph: "), "{error}");
     }
 

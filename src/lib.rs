@@ -94,7 +94,6 @@ mod testing;
 mod update;
 mod weights;
 
-pub use after::DecodeTarget;
 #[doc(hidden)]
 pub use asset::KeptMesh;
 pub use asset::{Mesh, MeshArrays, Semantic, TargetArrays, Tolerance};
@@ -104,7 +103,7 @@ pub use engine::{
     AnimatedCrowd, AnyCrowd, Crowd, DeviceCrowd, GpuMesh, MorphEngine, PoseBuffer, PoseReadback, PoseView, ReadPose,
     StreamView, Ticket, Update,
 };
-pub use error::{Error, ErrorKind, Result};
+pub use error::{Error, Result};
 pub use gpu::caps::DeviceCaps;
 pub use gpu::device::DeviceDesc;
 pub use pack::blocks::BlockDesc;
@@ -121,22 +120,18 @@ pub use {ash, glam, gpu_allocator};
 pub mod mesh {
     #[doc(hidden)]
     pub use crate::asset::KeptTarget;
-    pub use crate::asset::{
-        Corner, Faces, Measure, MorphTarget, RenderVertices, StreamData, StreamDeltas, StreamPlace,
-    };
+    pub use crate::asset::{Corner, Faces, MorphTarget, RenderVertices, StreamData, StreamDeltas, StreamPlace};
 }
 
-/// What a [`PackedMesh`] and its [`PackedLayout`] hold: groups of streams, targets, blocks and the grid of fixed-point
-/// poses.
+/// What a [`PackedLayout`] holds: targets, and the grid of fixed-point poses.
 pub mod packed {
-    pub use crate::pack::blocks::{BLOCK_SIZES, BlockIndex, PoseGrid};
-    pub use crate::pack::{PackedGroup, PackedTarget};
+    pub use crate::pack::PackedTarget;
+    pub use crate::pack::blocks::{BLOCK_SIZES, PoseGrid};
 }
 
-/// What [`DeviceCaps`] and [`requirements`] tell of a device, and the kernels that are chosen for it.
+/// What [`DeviceCaps`] and [`requirements`] tell of a device.
 pub mod device {
-    pub use crate::gpu::caps::{DeviceKind, Requirement, TransformFeedbackCaps};
-    pub use crate::gpu::tuning::{DeviceClass, DeviceTuning};
+    pub use crate::gpu::caps::{DeviceKind, Requirement};
 }
 
 /// Device memory: allocators, functions of the host's in their place, and what the engine takes.

@@ -1,16 +1,18 @@
 //! Reference evaluation from the base pose in float64, and the error of a pose against it.
 
+#[doc(hidden)]
 pub use crate::after::normals::normals;
+#[doc(hidden)]
 pub use crate::after::skin::skin;
 use crate::asset::KeptMesh;
 use crate::asset::streams::{StreamPlace, group_streams};
 #[doc(hidden)]
 pub use crate::math::angle_degrees;
-pub use crate::pack::PoseError;
-use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, Source, stream_errors};
+use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, PoseError, Source, stream_errors};
 use glam::DVec3;
 
 /// A morphed normal shorter than this has no usable direction; consumers fall back to the base normal.
+#[doc(hidden)]
 pub const SHORTEST_NORMAL: f64 = 1e-3;
 
 /// Evaluates the first group ([`evaluate_group`]): position, then the unnormalised normal.
@@ -21,6 +23,7 @@ pub fn evaluate(mesh: &PackedMesh, weights: &[f32]) -> Vec<f64> {
 /// Returns `base + Σ weight · delta` over all targets of a [group](PackedMesh::groups), from the packed deltas that the
 /// kernels read. Six values per vertex, in the user's order and without padding; positions are relative to the mesh's
 /// origin, as in poses. Targets beyond the end of `weights` have the weight 0.
+#[doc(hidden)]
 pub fn evaluate_group(group: &PackedGroup, weights: &[f32]) -> Vec<f64> {
     let layout = group.layout();
     let mut pose: Vec<f64> = layout.to_user_order(group.base()).into_iter().map(f64::from).collect();
@@ -63,6 +66,7 @@ pub fn compare(pose: &[f32], reference: &[f64]) -> PoseError {
 
 /// Compares a pose of the group with these streams (six floats a vertex, in the user's order; padding at the end is
 /// ignored) with the reference. If the pose has too few vertices, the errors are NaN, which no bound accepts.
+#[doc(hidden)]
 pub fn compare_group(streams: &[StreamPlace], pose: &[f32], reference: &[f64]) -> PoseError {
     if pose.len() < reference.len() {
         return PoseError::NAN;

@@ -4,12 +4,12 @@
 use crate::gpu;
 use crate::offscreen::Offscreen;
 use crate::testing;
-use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
+use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, Error, ErrorKind,
-    MorphEngine, PackedMesh, Playback, PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
+    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, PackedMesh,
+    Playback, PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -46,7 +46,7 @@ fn device(validation: bool) -> (Headless, Control) {
 
 /// Returns the defect of an error about a call that returned `result`.
 fn wrong_with(error: &Error, call: &str, result: Vk) -> Option<String> {
-    let (text, kind) = (error.to_string(), error.kind());
+    let text = error.to_string();
     // The allocator does not report the call; the engine reports the purpose of the memory.
     let names = text.contains(call)
         || (["vkAllocateMemory", "vkMapMemory"].contains(&call) && text.starts_with("no memory for '"))
@@ -55,11 +55,13 @@ fn wrong_with(error: &Error, call: &str, result: Vk) -> Option<String> {
     let memory =
         [Vk::ERROR_OUT_OF_HOST_MEMORY, Vk::ERROR_OUT_OF_DEVICE_MEMORY, Vk::ERROR_OUT_OF_POOL_MEMORY].contains(&result);
     let fits = match result {
-        Vk::ERROR_DEVICE_LOST => kind == ErrorKind::DeviceLost,
-        _ if memory => kind == ErrorKind::OutOfMemory && !text.contains("bug") && !text.contains("report this"),
-        _ => !matches!(kind, ErrorKind::Io | ErrorKind::Input | ErrorKind::DeviceLost),
+        Vk::ERROR_DEVICE_LOST => matches!(error, Error::DeviceLost { .. }),
+        _ if memory => {
+            matches!(error, Error::OutOfMemory { .. }) && !text.contains("bug") && !text.contains("report this")
+        }
+        _ => !matches!(error, Error::Io { .. } | Error::Input { .. } | Error::DeviceLost { .. }),
     };
-    (!names || !fits || !text.contains("; ")).then(|| format!("{kind:?}: {text}"))
+    (!names || !fits || !text.contains("; ")).then(|| format!("{error:?}: {text}"))
 }
 
 /// Operations that fail, and their objects.
@@ -350,8 +352,7 @@ fn animated(lab: &Lab<'_>) {
         // SAFETY: the buffer is recording, runs once, and is waited for.
         |(gpu, engine), cmd| unsafe { engine.create_animated_crowd(cmd, gpu, &desc, &animation) },
         |(_, engine), mut crowd| {
-            // SAFETY: the uploads have run.
-            unsafe { crowd.release_staging() };
+            crowd.release_staging();
             (0..2).for_each(|i| crowd.play(i, &Playback::new(0)).expect("a clip"));
             for frame in 1..3 {
                 crowd.set_time(frame as f64).expect("a time");

@@ -79,7 +79,7 @@ fn threads_share_an_allocator_engines_and_meshes() {
                             animate(host, engine, (&shared, mesh), update[round as usize % 3], seed);
                             let own = packed(engine, source, DeltaFormat::Fast);
                             animate(host, engine, (&host.upload(engine, &own), &own), update[seed as usize % 3], seed);
-                            assert!(engine.allocated_bytes() > 0);
+                            assert!(engine.memory().allocated > 0);
                         }
                     });
                 }

@@ -6,8 +6,7 @@ use crate::attached::{self, Attached, check_buffer};
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle, handle};
 use crate::result::{DmResult, Result, enter};
 use crate::structs::{DmDecodeTarget, DmNormalsTarget};
-use deltamorph::DecodeTarget;
-use deltamorph::after::{GpuNormals, NormalsDesc, NormalsTarget};
+use deltamorph::after::{DecodeTarget, GpuNormals, NormalsDesc, NormalsTarget};
 use deltamorph::ash::vk;
 
 handle!(DmSurface for Attached<GpuNormals>);

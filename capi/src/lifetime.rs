@@ -16,27 +16,24 @@ use std::sync::Arc;
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_release_staging(handle: u64) -> DmResult {
     enter("dm_release_staging", || {
-        // SAFETY: the caller's obligation, whatever was uploaded.
-        unsafe {
-            if is_kind(handle, Kind::DmCrowd) {
-                crowd::with(DmCrowd::of(handle), |state| {
-                    state.animated()?.release_staging();
-                    Ok(())
-                })
-            } else if is_kind(handle, Kind::DmSkin) {
-                attached::with(DmSkin::of(handle), |skin| {
-                    skin.release_staging();
-                    Ok(())
-                })
-            } else if is_kind(handle, Kind::DmSurface) {
-                attached::with(DmSurface::of(handle), |surface| {
-                    surface.release_staging();
-                    Ok(())
-                })
-            } else {
-                lock(&DmGpuMesh::of(handle).get()?.mesh)?.release_staging();
+        if is_kind(handle, Kind::DmCrowd) {
+            crowd::with(DmCrowd::of(handle), |state| {
+                state.animated()?.release_staging();
                 Ok(())
-            }
+            })
+        } else if is_kind(handle, Kind::DmSkin) {
+            attached::with(DmSkin::of(handle), |skin| {
+                skin.release_staging();
+                Ok(())
+            })
+        } else if is_kind(handle, Kind::DmSurface) {
+            attached::with(DmSurface::of(handle), |surface| {
+                surface.release_staging();
+                Ok(())
+            })
+        } else {
+            lock(&DmGpuMesh::of(handle).get()?.mesh)?.release_staging();
+            Ok(())
         }
     })
 }

@@ -87,7 +87,7 @@ pub unsafe extern "C" fn dm_pose_vertex_input(
         check_place(binding_count, "binding_count")?;
         check_place(attribute_count, "attribute_count")?;
         let format = pose_format(format, PoseFormat::Float32)?;
-        let (found, places) = format.vertex_input(previous != 0);
+        let (found, places) = if previous != 0 { format.vertex_input_with_previous() } else { format.vertex_input() };
         // SAFETY: the caller's obligations; counts were checked.
         unsafe {
             fill(bindings, 2, &found, "bindings")?;

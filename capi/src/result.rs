@@ -59,7 +59,7 @@ impl Failure {
 
 impl From<deltamorph::Error> for Failure {
     fn from(error: deltamorph::Error) -> Self {
-        Self { code: error.kind().number(), message: in_c(error.to_string()) }
+        Self { code: error.number(), message: in_c(error.to_string()) }
     }
 }
 
@@ -140,7 +140,7 @@ pub extern "C" fn dm_last_error() -> *const c_char {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::ErrorKind;
+    use deltamorph::Error;
     use std::ffi::CStr;
 
     fn last() -> String {
@@ -172,16 +172,20 @@ mod tests {
     }
 
     #[test]
-    fn codes_are_the_numbers_of_kinds() {
-        let kinds = [
-            (ErrorKind::Io, DM_ERROR_IO),
-            (ErrorKind::Input, DM_ERROR_INPUT),
-            (ErrorKind::Invalid, DM_ERROR_INVALID),
-            (ErrorKind::Unsupported, DM_ERROR_UNSUPPORTED),
-            (ErrorKind::OutOfMemory, DM_ERROR_OUT_OF_MEMORY),
-            (ErrorKind::DeviceLost, DM_ERROR_DEVICE_LOST),
-            (ErrorKind::Vulkan, DM_ERROR_VULKAN),
+    fn codes_are_the_numbers_of_errors() {
+        use deltamorph::ash::vk;
+        let vulkan = |result| Error::Vulkan { call: "vkCall", result, remedy: "" };
+        let text = String::new;
+        let path = || "a".into();
+        let errors = [
+            (Error::Io { path: path(), action: "read", source: std::io::Error::other("") }, DM_ERROR_IO),
+            (Error::Input { path: path(), place: text(), what: text(), remedy: text() }, DM_ERROR_INPUT),
+            (Error::Invalid { what: text(), remedy: text() }, DM_ERROR_INVALID),
+            (Error::Unsupported { path: "", device: text(), reason: text(), remedy: text() }, DM_ERROR_UNSUPPORTED),
+            (Error::OutOfMemory { what: text(), remedy: text() }, DM_ERROR_OUT_OF_MEMORY),
+            (Error::DeviceLost { call: "vkCall" }, DM_ERROR_DEVICE_LOST),
+            (vulkan(vk::Result::ERROR_UNKNOWN), DM_ERROR_VULKAN),
         ];
-        assert!(kinds.into_iter().all(|(kind, code)| kind.number() == code));
+        assert!(errors.into_iter().all(|(error, code)| error.number() == code));
     }
 }

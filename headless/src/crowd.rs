@@ -91,8 +91,7 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
         let mesh = headless.upload(|cmd| unsafe { engine.upload(cmd, mesh) })?;
         // SAFETY: as above.
         let mut crowd = submitter.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &mesh, desc, animation) })?;
-        // SAFETY: as above.
-        unsafe { crowd.release_staging() };
+        crowd.release_staging();
         Self::with(headless, mesh, crowd)
     }
 

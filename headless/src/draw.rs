@@ -47,7 +47,7 @@ impl PoseDraw {
         let mut objects = Objects::none(device);
         objects.add_layout(&[CONSUME.row], 0)?;
         objects.add_empty_render_pass()?;
-        let (bindings, attributes) = pose.vertex_input(false);
+        let (bindings, attributes) = pose.vertex_input();
         for (kernel, attributes) in [(&CONSUME, &attributes[..]), (&CONSUME_POSITION, &attributes[..1])] {
             // It reads no deltas, so the module is the same for all delta formats.
             let module = kernel.module(DeltaFormat::Float32.row(), pose.row(), 0)?;

@@ -20,7 +20,7 @@ pub use image::{Image, ImageDesc};
 pub use wait::wait_idle;
 
 use deltamorph::ash::{self, vk};
-use deltamorph::device::DeviceTuning;
+use deltamorph::internals::gpu::tuning::DeviceTuning;
 use deltamorph::{DeviceCaps, DeviceDesc, Error, GpuMesh, MorphEngine, Result};
 use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
@@ -394,8 +394,7 @@ impl Headless {
     #[doc(hidden)]
     pub fn upload(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<GpuMesh>) -> Result<GpuMesh> {
         let mut mesh = self.submitter.run(record)?;
-        // SAFETY: `run` has waited for the upload.
-        unsafe { mesh.release_staging() };
+        mesh.release_staging();
         Ok(mesh)
     }
 }

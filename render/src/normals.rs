@@ -34,8 +34,7 @@ impl Normals {
         let output = buffer(gpu, heads * size, Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER)?;
         // SAFETY: the buffer is recording, runs once, and is waited for.
         let mut surface = headless.run(|cmd| unsafe { engine.upload_normals(cmd, packed, desc) })?;
-        // SAFETY: the upload has run.
-        unsafe { surface.release_staging() };
+        surface.release_staging();
         let stride = VERTEX as u32;
         for head in 0..heads {
             let offset = (head * size) as u64;

@@ -137,7 +137,7 @@ impl Renderer {
 
     fn make_pipelines(&mut self) -> Result<()> {
         let modules = modules::of(self.desc.pose)?;
-        let (bindings, mut attributes) = self.desc.pose.vertex_input(false);
+        let (bindings, mut attributes) = self.desc.pose.vertex_input();
         attributes.iter_mut().for_each(|attribute| attribute.location += POSE_LOCATION);
         // The map only needs positions, but the shader declares all inputs of the poses.
         self.shadow = self.pipeline(self.shadow_pass, &[modules.shadow], (bindings, attributes), Drawn::All)?;
@@ -163,7 +163,8 @@ impl Renderer {
     /// Returns the inputs of face.vert: binding 0 has the pose, 1 the vertices at rest in float32, 2 the previous pose,
     /// if any.
     fn input(&self, previous: bool) -> Input {
-        let (mut bindings, mut attributes) = self.desc.pose.vertex_input(previous);
+        let (mut bindings, mut attributes) =
+            if previous { self.desc.pose.vertex_input_with_previous() } else { self.desc.pose.vertex_input() };
         let own = |attribute: &mut vk::VertexInputAttributeDescription| {
             attribute.location += POSE_LOCATION;
             attribute.binding *= 2;

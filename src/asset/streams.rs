@@ -116,6 +116,7 @@ impl Semantic {
     }
 
     /// Numbers per delta: the first of the components.
+    #[doc(hidden)]
     pub const fn morphing_components(self) -> usize {
         self.properties().1
     }
@@ -161,6 +162,7 @@ impl StreamPlace {
     }
 
     /// Returns the components of the group that targets change.
+    #[doc(hidden)]
     pub const fn morphing_components(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.semantic.morphing_components()
     }

@@ -76,7 +76,7 @@ pub(crate) struct Memory {
 
 /// Checks that the poses fit in memory by reserving them in one piece: exhausting memory later would abort the process.
 fn check_memory(mesh: &PackedMesh, pose: PoseFormat, instances: u32, slots: u32) -> Result<()> {
-    let each = mesh.groups().iter().map(|group| group.layout().pose_bytes(pose)).sum::<u64>();
+    let each = mesh.layouts().map(|layout| layout.pose_bytes(pose)).sum::<u64>();
     let bytes = each.saturating_mul(slots.into()).saturating_mul(instances.into());
     let reserved = usize::try_from(bytes).ok().map(|bytes| Vec::<u8>::new().try_reserve_exact(bytes));
     reserved.and_then(Result::ok).ok_or_else(|| {
@@ -103,7 +103,7 @@ impl CpuCrowd {
         let instances = Instances::new(count, layout.targets.len(), desc.slots, 1);
         let planner = match &layout.blocks {
             None => CpuPlanner::Dense(DensePlanner::new(desc, count)?),
-            Some(_) => CpuPlanner::Blocks(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), count)?),
+            Some(_) => CpuPlanner::Blocks(Planner::new(desc, mesh.layouts(), count)?),
         };
         let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, count));
         let memory = memory.collect::<Result<_>>()?;
@@ -178,6 +178,7 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// Those of [`group_pose`](Self::group_pose).
+    #[doc(hidden)]
     pub fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<Cow<'_, [f32]>>> {
         let (memory, _, previous) = self.poses(instance, group)?;
         Ok(previous.map(|pose| memory.decode(pose)))
@@ -187,6 +188,7 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// Those of [`group_pose`](Self::group_pose).
+    #[doc(hidden)]
     pub fn stored_pose(&self, instance: u32, group: usize) -> Result<&[u8]> {
         let (memory, pose, _) = self.poses(instance, group)?;
         Ok(bytemuck::cast_slice(&memory.poses[pose]))

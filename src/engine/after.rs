@@ -29,6 +29,7 @@ impl MorphEngine {
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
     ///   without active conditional rendering, on any queue.
     /// - It runs exactly once, before any update that skins by the returned value.
+    /// - The staging memory is released only when `cmd` has finished, or if it never runs.
     /// - The returned value, and crowds with targets of it, are dropped only when the device no longer uses them.
     pub unsafe fn upload_skin(
         &self,
@@ -55,7 +56,7 @@ impl MorphEngine {
     /// beyond the device's storage range; no memory. Nothing is recorded then.
     ///
     /// # Safety
-    /// See [`upload_skin`](Self::upload_skin).
+    /// Those of [`upload_skin`](Self::upload_skin).
     pub unsafe fn upload_normals(
         &self,
         cmd: vk::CommandBuffer,

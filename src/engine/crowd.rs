@@ -63,7 +63,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// Bytes of device memory for the poses of a crowd, in all groups of the mesh and in engine-owned or host buffers
     /// ([`CrowdDesc::poses`]). On a direct path one pose, for captures.
     pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
-        poses::bytes(mesh.groups().iter().map(|group| group.layout()), desc)
+        poses::bytes(mesh.layouts(), desc)
     }
 
     /// The buffer of a stream of all poses, with the location and format of each pose. Known before the first update,
@@ -180,12 +180,9 @@ impl AnimatedCrowd {
         self.animated_mut().playbacks.set_time(seconds)
     }
 
-    /// Frees the staging memory of the clips.
-    ///
-    /// # Safety
-    /// The upload recorded by [`create_animated_crowd`](super::MorphEngine::create_animated_crowd) has finished, or
-    /// will never run: its copies read the memory.
-    pub unsafe fn release_staging(&mut self) {
+    /// Frees the staging memory. Call it when the upload has finished, or if it will never run:
+    /// [`create_animated_crowd`](super::MorphEngine::create_animated_crowd) requires that.
+    pub fn release_staging(&mut self) {
         self.animated_mut().staging = None;
     }
 

@@ -133,12 +133,6 @@ impl MorphEngine {
         PackDesc { max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, ..PackDesc::new(format) }
     }
 
-    /// Bytes that the allocator has allocated from the driver, including unused parts of blocks; of the host's
-    /// allocator, if one was passed in.
-    pub fn allocated_bytes(&self) -> u64 {
-        self.device.used().allocated
-    }
-
     /// Memory of the engine's objects, by what it is for. Host buffers are not counted.
     pub fn memory(&self) -> MemoryStats {
         self.device.used()
@@ -206,6 +200,7 @@ impl MorphEngine {
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
     ///   without active conditional rendering, on a queue with compute.
     /// - It runs exactly once, before any update of the crowd; if it never runs, the crowd is not updated.
+    /// - [`AnimatedCrowd::release_staging`] is called only when `cmd` has finished, or if it never runs.
     /// - The returned value is dropped only when the device no longer uses it.
     pub unsafe fn create_animated_crowd(
         &self,

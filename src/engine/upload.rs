@@ -19,11 +19,9 @@ pub struct GpuMesh {
 }
 
 impl GpuMesh {
-    /// Frees the staging memory.
-    ///
-    /// # Safety
-    /// The upload recorded with this mesh has finished, or will never run: its copies read the memory.
-    pub unsafe fn release_staging(&mut self) {
+    /// Frees the staging memory. Call it when the upload has finished, or if it will never run:
+    /// [`MorphEngine::upload`] requires that.
+    pub fn release_staging(&mut self) {
         self.staging.clear();
     }
 
@@ -45,7 +43,7 @@ impl MorphEngine {
             let base = if layout.format.is_blocks() { 0 } else { layout.base_bytes() };
             base + deltas_bytes(layout)
         };
-        mesh.groups().iter().map(|group| of(group.layout())).sum()
+        mesh.layouts().map(of).sum()
     }
 
     /// Creates a mesh's buffers and records their upload. The base pose stays in main memory, too (24 bytes a vertex):
@@ -64,6 +62,7 @@ impl MorphEngine {
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
     ///   without active conditional rendering, on any queue.
     /// - It runs exactly once, before any update of the mesh; if it never runs, no crowd of the mesh is updated.
+    /// - [`GpuMesh::release_staging`] is called only when `cmd` has finished, or if it never runs.
     /// - The returned value is dropped only when the device no longer uses it.
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let group = |group: &PackedGroup| {

@@ -2,7 +2,6 @@
 
 use crate::asset::streams::StreamPlace;
 use crate::error::{Result, refuse};
-use crate::gpu::pipelines::VertexInput;
 use crate::pack::vertex::VertexOffsets;
 use crate::pack::{POSE_FLOATS, PoseFormat};
 use crate::update::technique::Poses;
@@ -80,12 +79,6 @@ impl PoseView {
     pub fn matrix(&self) -> Mat4 {
         let vector = |of: [f32; POSE_FLOATS]| Vec3::from_slice(&of);
         Mat4::from_translation(vector(self.offsets)) * Mat4::from_scale(vector(self.units))
-    }
-
-    /// [`PoseFormat::vertex_input`] for this layout: binding 0 (and that of the previous pose) has its stride,
-    /// attributes its offsets. Components that are not stored have no attribute.
-    pub fn vertex_input(&self, previous: bool) -> VertexInput {
-        self.format.vertex_input_at(self.stride, self.components, previous)
     }
 
     /// The components of a stored pose without gaps; zeros for those that are not stored.

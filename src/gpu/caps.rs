@@ -36,6 +36,7 @@ pub enum DeviceKind {
 
 impl DeviceKind {
     /// Returns the name used in reports.
+    #[doc(hidden)]
     pub fn name(self) -> &'static str {
         match self {
             Self::Discrete => "discrete",
@@ -60,43 +61,60 @@ pub struct DeviceCaps {
     /// The kind of device.
     pub kind: DeviceKind,
     /// Tuning for the device: kernels and tiles are chosen by it.
+    #[doc(hidden)]
     pub tuning: DeviceTuning,
     /// Vulkan version: major, minor, patch.
     pub api_version: (u32, u32, u32),
     /// Most bytes that a storage-buffer descriptor can cover.
+    #[doc(hidden)]
     pub max_storage_range: u64,
     /// Most texels in a texel buffer.
+    #[doc(hidden)]
     pub max_texels: u32,
     /// Most bytes in one memory allocation.
+    #[doc(hidden)]
     pub max_allocation: u64,
     /// Most bytes in one buffer, if the driver states it (VK_KHR_maintenance4); otherwise unlimited.
+    #[doc(hidden)]
     pub max_buffer: u64,
     /// Most storage buffers in one shader stage.
+    #[doc(hidden)]
     pub max_storage_buffers: u32,
     /// Most bytes of push constants.
+    #[doc(hidden)]
     pub max_push_constants: u32,
     /// Most vertex attributes.
+    #[doc(hidden)]
     pub max_vertex_attributes: u32,
     /// Most vertex-buffer bindings.
+    #[doc(hidden)]
     pub max_vertex_bindings: u32,
     /// Most invocations in a workgroup.
+    #[doc(hidden)]
     pub max_workgroup_invocations: u32,
     /// Most workgroups in x and in y.
+    #[doc(hidden)]
     pub max_workgroups: u32,
     /// Nanoseconds per timestamp tick; 0 without timestamps.
     pub timestamp_period: f32,
     /// Limits of VK_EXT_transform_feedback; `None` without the extension or its feature.
+    #[doc(hidden)]
     pub transform_feedback: Option<TransformFeedbackCaps>,
     /// Whether vertex shaders may write storage buffers (the feature `vertexPipelineStoresAndAtomics`).
+    #[doc(hidden)]
     pub vertex_stores: bool,
     /// Whether textures of four float32 can be blended to, and loaded by shaders.
+    #[doc(hidden)]
     pub float_blending: bool,
     /// Most texels of a 2D image in either direction.
+    #[doc(hidden)]
     pub max_image_side: u32,
     /// Whether shaders may use 64-bit integers (the feature `shaderInt64`).
+    #[doc(hidden)]
     pub int64: bool,
     /// Whether the driver stands on another API, as MoltenVK does: VK_KHR_portability_subset has to be enabled when the
     /// device is created. Nothing that it leaves out is needed here.
+    #[doc(hidden)]
     pub portability: bool,
     /// Flags of each queue family, by its index.
     pub queue_families: Vec<vk::QueueFlags>,
@@ -296,6 +314,7 @@ impl DeviceCaps {
     }
 
     /// Whether tiles of `format` are read as texels and decoded in 64-bit integers ([`DeviceTuning::texels`]).
+    #[doc(hidden)]
     pub fn takes_texels(&self, format: DeltaFormat) -> bool {
         // A view of four-word texels then covers everything that a storage descriptor covers.
         let views = u64::from(self.max_texels) >= self.max_storage_range / 16;

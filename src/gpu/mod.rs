@@ -14,4 +14,4 @@ pub mod memory;
 pub mod mesh;
 pub mod pipelines;
 pub mod statistics;
-pub(crate) mod tuning;
+pub mod tuning;

@@ -6,9 +6,10 @@ use super::device::Device;
 use crate::abi::kernels::{Binding, KernelRow, Stage};
 use crate::abi::modules::Module;
 use crate::error::{Error, Result};
-use crate::pack::{POSE_FLOATS, PoseFormat};
+use crate::pack::PoseFormat;
 use ash::vk::{self, Handle};
 use std::any::Any;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Objects of one update path; destroyed together. Dropped only when the device no longer uses them.
@@ -269,36 +270,31 @@ impl Drop for Objects {
 pub type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
 impl PoseFormat {
-    /// Describes how a draw reads a pose as vertex attributes, and for motion vectors the previous pose, too: the
-    /// inputs that `glsl/host/pose.glsl` declares.
+    /// Describes how a draw reads a pose as vertex attributes: the inputs that `glsl/host/pose.glsl` declares.
     ///
-    /// Binding 0 is the pose ([`PoseView`](crate::PoseView)), binding 1 the previous pose. Locations start at 0, two
-    /// for each binding. Vulkan guarantees these formats for vertex buffers. A host with its own attributes may
-    /// renumber bindings and locations. [`PoseView::matrix`](crate::PoseView::matrix) makes positions of what a draw
-    /// fetches.
-    pub fn vertex_input(self, previous: bool) -> VertexInput {
-        let offsets = std::array::from_fn(|component| Some(self.offset(component) as u32));
-        self.vertex_input_at(self.stride() as u32, offsets, previous)
+    /// The pose ([`PoseView`](crate::PoseView)) is binding 0, at locations 0 and 1. Vulkan guarantees these formats for
+    /// vertex buffers. A host with its own attributes may renumber binding and locations.
+    /// [`PoseView::matrix`](crate::PoseView::matrix) makes positions of what a draw fetches.
+    pub fn vertex_input(self) -> VertexInput {
+        self.vertex_input_of(0..1)
     }
 
-    /// Like [`vertex_input`], for vertices of `stride` bytes whose numbers are at `offsets`.
-    pub(crate) fn vertex_input_at(
-        self,
-        stride: u32,
-        offsets: [Option<u32>; POSE_FLOATS],
-        previous: bool,
-    ) -> VertexInput {
-        let (mut bindings, mut attributes) = (vec![], vec![]);
-        for binding in 0..=u32::from(previous) {
-            bindings.push(vk::VertexInputBindingDescription::default().binding(binding).stride(stride));
-            for (location, &(format, at)) in (2 * binding..).zip(self.row().attributes) {
+    /// Like [`vertex_input`](Self::vertex_input), with the previous pose as binding 1, at locations 2 and 3, for motion
+    /// vectors.
+    pub fn vertex_input_with_previous(self) -> VertexInput {
+        self.vertex_input_of(0..2)
+    }
+
+    fn vertex_input_of(self, bindings: Range<u32>) -> VertexInput {
+        let stride = self.stride() as u32;
+        let of = |binding: u32| {
+            (2 * binding..).zip(self.row().attributes).map(move |(location, &(format, offset))| {
                 let format = vk::Format::from_raw(format as i32);
-                // A number that is not stored has no attribute.
-                let Some(offset) = offsets[at as usize / self.number_bytes()] else { continue };
-                attributes.push(vk::VertexInputAttributeDescription { location, binding, format, offset });
-            }
-        }
-        (bindings, attributes)
+                vk::VertexInputAttributeDescription { location, binding, format, offset }
+            })
+        };
+        let binding = |binding| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
+        (bindings.clone().map(binding).collect(), bindings.flat_map(of).collect())
     }
 }
 

@@ -35,8 +35,8 @@ macro_rules! kinds {
         #[non_exhaustive]
         pub struct MemoryStats {
             $($(#[doc = $doc])* pub $name: MemoryUse,)*
-            /// Bytes that the allocator has from the driver, including unused parts of blocks
-            /// ([`MorphEngine::allocated_bytes`](crate::MorphEngine::allocated_bytes)).
+            /// Bytes that the allocator has from the driver, including unused parts of blocks; of the host's allocator,
+            /// if one was passed in.
             pub allocated: u64,
         }
 

@@ -279,7 +279,7 @@ mod tests {
             crate::testing::says(open(&dir.path().join(name)), &[part]);
         }
         let missing = open(&dir.path().join("none")).unwrap_err();
-        let is_io = missing.kind() == crate::ErrorKind::Io;
+        let is_io = matches!(missing, Error::Io { .. });
         assert!(is_io && missing.to_string().ends_with("; check the path"), "{missing}");
     }
 }

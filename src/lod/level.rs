@@ -42,7 +42,7 @@ pub struct Level {
     desc: LevelDesc,
     /// `None`: nothing has been shown yet, so a jump is not visible.
     level: Option<f64>,
-    goal: usize,
+    pub(super) goal: usize,
 }
 
 impl Level {
@@ -54,11 +54,6 @@ impl Level {
     /// Returns the number of targets kept in the frame of the last [`step`](Self::step); `None` before the first.
     pub fn level(&self) -> Option<f32> {
         self.level.map(|level| level as f32)
-    }
-
-    /// Returns the number of targets that the level is moving to.
-    pub fn goal(&self) -> usize {
-        self.goal
     }
 
     /// Tells that the next frame has no predecessor (the instance was hidden, or the camera jumped): the level takes

@@ -149,29 +149,33 @@ impl Importance {
     }
 
     /// Returns the targets, the most important first.
+    #[doc(hidden)]
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 
     /// Returns the rank of each target: its position in the [`order`](Self::order), from 0.
+    #[doc(hidden)]
     pub fn ranks(&self) -> &[u32] {
         &self.ranks
     }
 
     /// Returns the farthest that a target moves a vertex at weight 1, in input units; 0 for a target out of range.
+    #[doc(hidden)]
     pub fn reach(&self, target: usize) -> f32 {
         self.reaches.get(target).copied().unwrap_or(0.0)
     }
 
     /// Returns the fewest targets to keep so that no vertex is off by more than `pixels`, if an input unit takes up
     /// `pixels_per_unit`: at least the pinned ones; all of them if an argument is NaN.
-    pub fn level_for(&self, pixels_per_unit: f32, pixels: f32) -> usize {
+    pub(crate) fn level_for(&self, pixels_per_unit: f32, pixels: f32) -> usize {
         let fits = |kept: &usize| self.errors[*kept] * pixels_per_unit <= pixels;
         (self.pinned..self.order.len()).find(fits).unwrap_or(self.order.len())
     }
 
     /// Returns the factor on the weight of a target if `level` targets are kept: clamp(level − rank, 0, 1). With a
     /// fractional level, the last one is kept in part.
+    #[doc(hidden)]
     pub fn factor(&self, target: usize, level: f32) -> f32 {
         self.ranks.get(target).map_or(0.0, |rank| (level - *rank as f32).clamp(0.0, 1.0))
     }

@@ -51,10 +51,10 @@ proptest! {
             }
         }
         let last = *camera.last().unwrap();
-        let settled = (0..10_000).any(|_| level.step(&importance, last, given) == level.goal() as f32);
+        let settled = (0..10_000).any(|_| level.step(&importance, last, given) == level.goal as f32);
         // Fades are at least 0.05 pixels of some 10,000 in all.
         if settled {
-            let off = distance(&mesh, &weights, &at_level(&importance, level.goal() as f32, &weights));
+            let off = distance(&mesh, &weights, &at_level(&importance, level.goal as f32, &weights));
             prop_assert!(off * f64::from(last) <= f64::from(pixels / 2.0) * 1.0001);
         }
     }

@@ -23,6 +23,7 @@ impl PoseError {
         Self { position: f64::NAN, normal_degrees: f64::NAN, tangent_degrees: f64::NAN, absolute: f64::NAN };
 
     /// The larger error of each kind; NaN if either is NaN.
+    #[doc(hidden)]
     pub fn max(self, other: Self) -> Self {
         // f64::max would drop a NaN.
         let worse = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
@@ -40,6 +41,7 @@ impl PoseError {
     }
 
     /// The error that applies to a stream of this semantic.
+    #[doc(hidden)]
     pub fn of(&self, semantic: Semantic) -> f64 {
         let mut errors = *self;
         *errors.of_mut(semantic)

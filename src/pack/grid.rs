@@ -35,6 +35,7 @@ pub struct PoseGrid {
     /// The value of integer 0, by component, in input units: the middle of what poses reach; 0 for directions.
     pub offsets: [f32; POSE_FLOATS],
     /// Sums are rounded to units, and not the term of each target ([`Rebuilt16`](PoseFormat::Rebuilt16)).
+    #[doc(hidden)]
     pub rounds_sums: bool,
     /// Terms are rounded to units.
     pub(crate) rounds_terms: bool,

@@ -97,15 +97,17 @@ impl PackedGroup {
     }
 }
 
-/// A target of a [`PackedGroup`].
+/// A target of a packed mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedTarget {
     /// Its name.
     pub name: String,
     /// Input units per integer step of a delta in the group's first triple (positions); 1 for float32. The same for all
     /// targets in block formats.
+    #[doc(hidden)]
     pub position_step: f32,
     /// log2 of the second triple's step (normals) / `position_step`; 0 for float32.
+    #[doc(hidden)]
     pub normal_exponent: i8,
 }
 
@@ -127,7 +129,7 @@ impl PackedTarget {
     }
 }
 
-/// The layout of a [`PackedGroup`]; stays on the host after upload.
+/// The layout of a group of a [`PackedMesh`](crate::PackedMesh); stays on the host after upload.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedLayout {
     /// Name of the mesh.
@@ -139,6 +141,7 @@ pub struct PackedLayout {
     /// Number of vertices, without padding.
     pub vertex_count: usize,
     /// Dense formats: vertices per chunk, a multiple of 64. The last chunk holds the remainder.
+    #[doc(hidden)]
     pub chunk_vertices: usize,
     /// The length that tolerances and errors are fractions of, in input units: the bounding-box diagonal of the base
     /// pose, or of the smallest part of it that targets move, if there are several far apart. A part is connected by
@@ -199,6 +202,7 @@ impl PackedLayout {
     /// Float32 deltas or poses; a `weight_max` that is not positive or too large; in any group of the mesh, sums that
     /// could overflow because it, or deltas relative to their step, are too large (the message names a position error
     /// that would do).
+    #[doc(hidden)]
     pub fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
         let sums = self.sums.as_ref().ok_or_else(|| refused(self.format, pose))?;
         sums.grid(pose, weight_max)
@@ -241,6 +245,7 @@ impl PackedLayout {
     }
 
     /// Bytes of all deltas, padding included, without index data.
+    #[doc(hidden)]
     pub fn delta_bytes(&self) -> u64 {
         match &self.blocks {
             Some(blocks) => blocks.delta_bytes(),
@@ -255,6 +260,7 @@ impl PackedLayout {
     }
 
     /// The user's index of vertex `packed` of pose buffers (equal in dense formats); `None` for padding.
+    #[doc(hidden)]
     pub fn user_vertex(&self, packed: usize) -> Option<usize> {
         match &self.blocks {
             Some(blocks) => blocks.order().get(packed).map(|&v| v as usize),

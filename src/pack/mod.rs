@@ -49,8 +49,10 @@ pub struct PackDesc {
     /// The deltas that are dropped as rounding noise.
     pub tolerance: Tolerance,
     /// Dense formats: largest bytes of deltas per chunk, `maxStorageBufferRange` of the device.
+    #[doc(hidden)]
     pub max_chunk_bytes: u64,
     /// Dense formats: largest number of vertices per chunk, 64 × workgroups per dispatch of the device.
+    #[doc(hidden)]
     pub max_chunk_vertices: u64,
     /// Block formats: block size and error limits.
     pub blocks: BlockDesc,
@@ -236,7 +238,13 @@ impl PackedMesh {
         Self::share_sums(&mut self.groups);
     }
 
+    /// The layout of position and normal, then those of groups of further streams.
+    pub fn layouts(&self) -> impl Iterator<Item = &PackedLayout> + Clone {
+        self.groups.iter().map(PackedGroup::layout)
+    }
+
     /// Position and normal, then groups of further streams.
+    #[doc(hidden)]
     pub fn groups(&self) -> &[PackedGroup] {
         &self.groups
     }
@@ -247,7 +255,7 @@ impl PackedMesh {
         &self.groups[0]
     }
 
-    /// [`PackedGroup::layout`] of the first group.
+    /// The layout of position and normal.
     pub fn layout(&self) -> &PackedLayout {
         self.surface().layout()
     }

@@ -24,7 +24,7 @@ const STREAMS_MAX: usize = 16;
 ///
 /// A stream has as many consecutive numbers as [components](Semantic::components), each in the crowd's [`PoseFormat`].
 /// Streams that are not listed and bytes between streams are never written. Positions are required. With `fixed16`, a
-/// stream includes all six components of its group ([`PackedGroup`](crate::packed::PackedGroup), such as position and
+/// stream includes all six components of its group (such as position and
 /// normal), which stay together: 12 bytes from the first stream on.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct VertexLayout {
@@ -54,17 +54,19 @@ impl VertexLayout {
     }
 
     /// Bytes per vertex.
+    #[doc(hidden)]
     pub const fn stride(&self) -> u32 {
         self.stride
     }
 
     /// Byte offset of a stream; `None` if it is not listed.
+    #[doc(hidden)]
     pub fn offset(&self, semantic: Semantic) -> Option<u32> {
         self.streams().find(|(named, _)| named.id() == semantic.id()).map(|(_, offset)| offset)
     }
 
     /// The streams and their byte offsets.
-    pub fn streams(&self) -> impl Iterator<Item = (Semantic, u32)> {
+    pub(crate) fn streams(&self) -> impl Iterator<Item = (Semantic, u32)> {
         self.streams.into_iter().take(self.count)
     }
 

@@ -7,6 +7,7 @@ use crate::pack::{PackedLayout, PoseFormat};
 
 impl UpdatePath {
     /// The mode of [`UpdateDesc::new`]: incremental, if the path supports it.
+    #[doc(hidden)]
     pub const fn default_mode(self) -> UpdateMode {
         if self.row().rebuilds_only { UpdateMode::Rebuild } else { UpdateMode::Incremental }
     }
@@ -44,6 +45,7 @@ pub enum BatchSize {
 
 impl BatchSize {
     /// Passes for `coefficients` targets; at least 1, since the source has to be copied to the destination.
+    #[doc(hidden)]
     pub fn passes(self, coefficients: usize) -> usize {
         match self {
             Self::Targets(b) => coefficients.div_ceil(b.max(1) as usize).max(1),

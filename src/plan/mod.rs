@@ -47,6 +47,7 @@ pub struct UpdateStats {
     pub bytes_floor: u64,
 }
 
+#[doc(hidden)]
 impl std::ops::AddAssign for UpdateStats {
     /// Adds counts; keeps the larger bound.
     fn add_assign(&mut self, other: Self) {

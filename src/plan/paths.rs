@@ -161,6 +161,7 @@ impl UpdatePath {
     }
 
     /// Whether it is a published technique, included for comparison. `bench` runs baselines only when named.
+    #[doc(hidden)]
     pub const fn is_baseline(self) -> bool {
         self.row().baseline
     }
@@ -171,11 +172,13 @@ impl UpdatePath {
     }
 
     /// One-line description, shown in the command line's help.
+    #[doc(hidden)]
     pub const fn summary(self) -> &'static str {
         self.row().summary
     }
 
     /// Whether a pass may read and write the same slot; vertex passes may not.
+    #[doc(hidden)]
     pub const fn works_in_place(self) -> bool {
         !matches!(self.row().needs, Needs::TransformFeedback | Needs::VertexStores)
     }
@@ -186,11 +189,13 @@ impl UpdatePath {
     }
 
     /// Whether every draw evaluates the pose, without pose buffers.
+    #[doc(hidden)]
     pub const fn evaluates_in_draws(self) -> bool {
         self.row().evaluates_in_draws
     }
 
     /// Whether it supports [`BatchSize::All`](super::BatchSize::All).
+    #[doc(hidden)]
     pub const fn takes_all_targets(self) -> bool {
         !matches!(self.row().batch, Batch::Attributes)
     }

@@ -177,7 +177,7 @@ impl<M> Use<M> {
     }
 }
 
-/// Readers of poses and [decoded](crate::DecodeTarget) outputs between updates, on the queue of the updates. An
+/// Readers of poses and [decoded](crate::after::DecodeTarget) outputs between updates, on the queue of the updates. An
 /// update's barriers wait for these readers, and make the new poses visible to them. Combined with `|`.
 ///
 /// Leave out readers on another queue: semaphores order them, barriers cannot
@@ -237,7 +237,7 @@ impl Consumers {
     }
 
     /// Their uses of `memory`.
-    pub fn uses(self, memory: Resource) -> impl Iterator<Item = Use> {
+    pub(crate) fn uses(self, memory: Resource) -> impl Iterator<Item = Use> {
         let named = Self::READS.iter().filter(move |(bit, ..)| self.0 & bit != 0);
         named.flat_map(|(.., reads)| *reads).map(move |&(stage, access)| Use::new(memory, stage, access))
     }

@@ -32,6 +32,7 @@ impl UpdateDesc {
     /// A batch size of 0; too few or too many slots for the path; a tolerance that is not positive; an error budget
     /// that is negative, not finite or unsupported by the path; a pose format that the path does not support;
     /// incremental updates on a path that only rebuilds.
+    #[doc(hidden)]
     pub fn check(&self) -> Result<()> {
         let path = self.path;
         let name = self.path.name();
@@ -173,6 +174,7 @@ impl DeviceCaps {
     /// Largest batch of `path` with coefficients in push constants; `None`: no limit. Vertex passes: vertex attributes
     /// − 2 for the pose, at 2 (float32) or 1 (snorm16) per target, limited by vertex bindings and push constants; 0
     /// in formats that the path does not take.
+    #[doc(hidden)]
     pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
         match path.row().batch {
             Batch::Attributes => {

@@ -156,16 +156,18 @@ impl HostPoses {
     }
 
     /// The buffer.
-    pub const fn buffer(&self) -> vk::Buffer {
+    pub(crate) const fn buffer(&self) -> vk::Buffer {
         self.buffer
     }
 
     /// Byte offset of the first pose.
+    #[doc(hidden)]
     pub const fn offset(&self) -> u64 {
         self.offset
     }
 
     /// The vertex layout.
+    #[doc(hidden)]
     pub const fn vertex(&self) -> &VertexLayout {
         &self.vertex
     }

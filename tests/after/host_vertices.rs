@@ -4,10 +4,11 @@
 use crate::gpu;
 use crate::offscreen::{Offscreen, Shared};
 use crate::testing;
+use deltamorph::after::DecodeTarget;
 use deltamorph::ash::vk;
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, HostPoses,
-    PackedMesh, Playback, PoseFormat, Semantic, StreamView, Tolerance, UpdateDesc, VertexLayout,
+    AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, DeltaFormat, DeviceCaps, HostPoses, PackedMesh, Playback,
+    PoseFormat, Semantic, StreamView, Tolerance, UpdateDesc, VertexLayout,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd};

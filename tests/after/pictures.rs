@@ -54,7 +54,8 @@ fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_th
                     let defines =
                         defines + "#define POSE_LOCATION 3\n" + if previous { "#define POSE_PREVIOUS\n" } else { "" };
                     let vertex = defines + include_str!("../../glsl/host/pose.glsl") + VERTEX;
-                    let (bindings, mut attributes) = format.vertex_input(previous);
+                    let (bindings, mut attributes) =
+                        if previous { format.vertex_input_with_previous() } else { format.vertex_input() };
                     attributes.iter_mut().for_each(|attribute| attribute.location += 3);
                     host.pipeline([&vertex, FRAGMENT], &(bindings, attributes), 64).expect("a pipeline")
                 };

@@ -6,14 +6,16 @@ use crate::hazards::{Event, HazardChecker, Memory, barriers_needed};
 use crate::joints::{JOINTS, Joints, MIRRORED};
 use crate::offscreen::Offscreen;
 use crate::written::Written;
-use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::after::{
+    DecodeTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget,
+};
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::PostMorphPass;
 use deltamorph::reference::{self, compare};
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, Consumers, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, KeptMesh,
-    PackedMesh, Playback, PoseFormat, Result, Tolerance, UpdateDesc, UpdatePath,
+    AnimationDesc, AnyCrowd, BatchSize, Consumers, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, KeptMesh, PackedMesh,
+    Playback, PoseFormat, Result, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, Rng, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -150,8 +152,7 @@ impl<'a> Rig<'a> {
                 // SAFETY: the buffer is recording, runs once, and is waited for; so below.
                 let uploaded = headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, mesh, &desc) });
                 let mut skin = uploaded.expect("a skin");
-                // SAFETY: it has run.
-                unsafe { skin.release_staging() };
+                skin.release_staging();
                 let joints = Joints::new(headless, host, method, mesh.layout().diagonal);
                 // Two buffers of the same stride in turn, or one.
                 let mut outputs = vec![written(place)];
@@ -172,8 +173,7 @@ impl<'a> Rig<'a> {
                 // SAFETY: as above.
                 let uploaded = headless.run(|cmd| unsafe { headless.engine().upload_normals(cmd, mesh, &desc) });
                 let mut uploaded = uploaded.expect("a surface");
-                // SAFETY: it has run.
-                unsafe { uploaded.release_staging() };
+                uploaded.release_staging();
                 surface = Some(uploaded);
                 let (offset, stride) = [(0, 12), (20, 28)][which];
                 let output = written((offset, stride, None));

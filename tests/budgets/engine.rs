@@ -6,14 +6,14 @@
 
 use crate::gpu;
 use crate::offscreen::Offscreen;
-use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::{self, vk};
-use deltamorph::device::DeviceTuning;
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
+use deltamorph::internals::gpu::tuning::DeviceTuning;
 use deltamorph::{
-    AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, Error, MorphEngine, PackedMesh,
-    PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    AnimationDesc, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, PackedMesh, PoseFormat,
+    Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use std::sync::Mutex;

@@ -8,9 +8,9 @@ mod engine;
 mod limits;
 mod statistics;
 
-use deltamorph::device::{DeviceClass, DeviceTuning};
 use deltamorph::internals::abi::kernels::Stage;
 use deltamorph::internals::abi::modules::{MODULES, Module};
+use deltamorph::internals::gpu::tuning::{DeviceClass, DeviceTuning};
 use engine::Pipeline;
 use limits::{Limits, Row, Table};
 use spirq::prelude::*;

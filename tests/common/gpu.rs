@@ -1,8 +1,9 @@
 //! The real drivers that every GPU test runs on, with the validation layers on.
 
 use crate::hazards::{Event, HazardChecker, Violation, accesses, trace};
+use deltamorph::internals::pack::PackedGroup;
 use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};
-use deltamorph::packed::{PackedGroup, PoseGrid};
+use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
     AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, GpuMesh, KeptMesh, MorphEngine, POSE_FLOATS, PackDesc,

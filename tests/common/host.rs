@@ -64,8 +64,7 @@ impl Host {
     pub fn upload(&self, engine: &MorphEngine, mesh: &PackedMesh) -> GpuMesh {
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
         let mut uploaded = self.run(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload");
-        // SAFETY: the upload has run.
-        unsafe { uploaded.release_staging() };
+        uploaded.release_staging();
         uploaded
     }
 }

@@ -39,8 +39,8 @@ fn engine_mesh_crowds_allocator_and_device_are_dropped_in_any_order() {
                 let mut uploaded = host.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
                 let crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
                 if order[0] == 0 {
-                    // SAFETY: the upload has run. In all other orders the staging memory goes with the mesh.
-                    unsafe { uploaded.release_staging() };
+                    // In all other orders the staging memory goes with the mesh.
+                    uploaded.release_staging();
                 }
                 let mut all: [Option<Box<dyn Any>>; 5] = [
                     Some(Box::new(host)),

@@ -325,8 +325,7 @@ impl<'a> Animated<'a> {
 
     /// Releases staging memory after the recorded commands have run.
     pub fn release(&mut self) {
-        // SAFETY: the callers have waited.
-        unsafe { self.crowd.release_staging() };
+        self.crowd.release_staging();
     }
 
     /// Compares poses with full evaluations of the weights that the CPU samples, bit for bit.

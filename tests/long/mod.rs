@@ -54,7 +54,7 @@ fn memory(headless: &Headless) -> [u64; 2] {
     let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
     let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("a line of memory");
     let resident = resident.trim_end_matches("kB").trim().parse().expect("a number");
-    [resident, headless.engine().allocated_bytes() / 1024]
+    [resident, headless.engine().memory().allocated / 1024]
 }
 
 /// Animates all crowds for `frames` frames, with update numbers from `begin`; returns a digest of the compared poses.

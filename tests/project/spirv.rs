@@ -1,12 +1,12 @@
 //! The checked-in SPIR-V modules equal the compiled ones, and match the table of kernels and the host's structures.
 
-use deltamorph::device::DeviceClass;
 use deltamorph::internals::abi::formats::{FORMATS, POSE_FORMATS};
 use deltamorph::internals::abi::kernels::{Buffer, OFFSETS, Stage, Takes};
 use deltamorph::internals::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
 use deltamorph::internals::abi::numbers::{RECORD_WORDS, WORKGROUP};
 use deltamorph::internals::abi::push::{DenseListEntry, attribute_push_bytes};
 use deltamorph::internals::abi::worklist::TILE;
+use deltamorph::internals::gpu::tuning::DeviceClass;
 use deltamorph::internals::update::animated::PlaybackRecord;
 use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::{DeltaFormat, PoseFormat};

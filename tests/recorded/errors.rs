@@ -2,16 +2,18 @@
 
 use crate::gpu;
 use crate::testing;
-use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::after::{
+    DecodeTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget,
+};
 use deltamorph::ash::vk;
-use deltamorph::device::DeviceTuning;
 use deltamorph::import::{csv, obj};
+use deltamorph::internals::gpu::tuning::DeviceTuning;
 use deltamorph::mesh::{StreamData, StreamDeltas};
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, HostPoses, KeptMesh, Mesh,
-    MorphEngine, PackDesc, PackedMesh, PoseFormat, Result, Semantic, Tolerance, UpdateDesc, UpdatePath, VertexLayout,
-    WeightBounds, WeightClip,
+    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, HostPoses, KeptMesh, Mesh, MorphEngine,
+    PackDesc, PackedMesh, PoseFormat, Result, Semantic, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightBounds,
+    WeightClip,
 };
 use deltamorph_headless::Headless;
 use std::sync::Arc;

@@ -5,14 +5,15 @@ use crate::gpu::{self, NORMAL, baseline, caps, drivers, is_kept, limited, on_dev
 use crate::hazards::{Event, HazardChecker, accesses, trace};
 use crate::offscreen::{Offscreen, Shared};
 use crate::testing;
+use deltamorph::after::DecodeTarget;
 use deltamorph::ash::{self, vk};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::Stage;
 use deltamorph::reference::compare;
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine,
-    PackedMesh, Playback, PoseFormat, PoseView, UpdateDesc, UpdatePath,
+    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh,
+    Playback, PoseFormat, PoseView, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::Headless;
 

@@ -4,10 +4,11 @@
 use crate::gpu::{self, drivers, on_device, single, update_descs};
 use crate::offscreen::Offscreen;
 use crate::testing;
+use deltamorph::after::DecodeTarget;
 use deltamorph::ash::{self, vk};
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCrowd, DeviceDesc, MorphEngine,
-    Playback, UpdateDesc, UpdatePath,
+    AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCrowd, DeviceDesc, MorphEngine, Playback,
+    UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::Headless;
 use std::cell::{Cell, RefCell};

@@ -5,8 +5,8 @@ use super::table::{ROWS, can_read, for_every_update, keep_supported, variants};
 use crate::gpu::{self, NORMAL, POSITION, on_every_device, update_descs, weights};
 use crate::hazards::{Event, HazardChecker};
 use crate::testing;
+use deltamorph::internals::pack::PackedGroup;
 use deltamorph::mesh::MorphTarget;
-use deltamorph::packed::PackedGroup;
 use deltamorph::reference::compare_group;
 use deltamorph::{
     CpuCrowd, CrowdDesc, DeltaFormat, KeptMesh, Mesh, PackDesc, PackedMesh, Semantic, Tolerance, UpdateDesc, UpdatePath,

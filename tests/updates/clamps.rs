@@ -4,12 +4,12 @@
 use crate::gpu::{self, NORMAL, baseline};
 use crate::offscreen::Offscreen;
 use crate::written::Written;
-use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
+use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::{self, vk};
 use deltamorph::reference::compare;
 use deltamorph::{
-    BatchSize, Consumers, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, KeptMesh, MorphEngine,
-    PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    BatchSize, Consumers, CrowdDesc, DeltaFormat, DeviceCaps, DeviceDesc, KeptMesh, MorphEngine, PoseFormat, Tolerance,
+    UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::Headless;

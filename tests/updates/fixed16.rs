@@ -107,7 +107,7 @@ fn a_crowd_takes_24_bytes_a_vertex_for_two_slots() {
             assert_eq!((u64::from(view.stride), view.size), (pose.stride() as u64, 6400 * pose.stride() as u64));
             // Memory of the crowd, with a base pose in its format; and of the mesh, which has three numbers of 8 bytes
             // per vertex, once.
-            (engine.allocated_bytes(), Crowd::pose_bytes(&mesh, &desc))
+            (engine.memory().allocated, Crowd::pose_bytes(&mesh, &desc))
         };
         let (of_16, poses_of_16) = made(PoseFormat::Fixed16);
         let (of_32, poses_of_32) = made(PoseFormat::Fixed32);

@@ -2,7 +2,7 @@
 
 use crate::gpu;
 use crate::testing;
-use deltamorph::device::DeviceTuning;
+use deltamorph::internals::gpu::tuning::DeviceTuning;
 use deltamorph::{BlockDesc, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, UpdateDesc};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 

@@ -39,7 +39,7 @@ impl PipelineKey for Textured {
     fn make(self, objects: &mut Objects) -> Result<()> {
         let kernels = [&TEXTURED, &TEXTURED_FEEDBACK, &TEXTURED_STORE];
         // The draws read no deltas.
-        let input = PoseFormat::Float32.vertex_input(false);
+        let input = PoseFormat::Float32.vertex_input();
         add_draws(objects, kernels, self.capture, DeltaFormat::Float32, &input)
     }
 }

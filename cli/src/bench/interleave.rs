@@ -9,7 +9,7 @@ use super::workload::{Setting, Workload};
 use crate::output::Failure;
 use crate::progress::Progress;
 use crate::runner::{Runner, reaching};
-use deltamorph::{Error, ErrorKind, PackedMesh, UpdatePath};
+use deltamorph::{Error, PackedMesh, UpdatePath};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -169,7 +169,7 @@ fn begin<'a>(
 /// Like [`refusal`], for failures at allocation: if memory is short, smaller candidates may fit.
 fn too_large<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, String>> {
     match result {
-        Err(e) if e.kind() == ErrorKind::OutOfMemory => Ok(Err(e.to_string())),
+        Err(e @ Error::OutOfMemory { .. }) => Ok(Err(e.to_string())),
         other => refusal(other),
     }
 }

@@ -4,7 +4,7 @@
 use crate::output::Failure;
 use ash_window::{create_surface, enumerate_required_extensions};
 use deltamorph::ash::{self, khr, vk};
-use deltamorph::{DeviceCaps, Error, ErrorKind};
+use deltamorph::{DeviceCaps, Error};
 pub use deltamorph_headless::Messages;
 use deltamorph_headless::{self as headless, DeviceChoice, Headless, Instance};
 use std::ffi::CStr;
@@ -42,8 +42,8 @@ pub fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
 
 fn failure(error: Error) -> Failure {
     match error {
-        Error::Vulkan { call, result, .. } if error.kind() == ErrorKind::OutOfMemory => {
-            Failure::Failed(format!("Vulkan: {call} failed: {result:?}; free memory, or use a smaller mesh or window"))
+        Error::OutOfMemory { what, .. } => {
+            Failure::Failed(format!("{what}; free memory, or use a smaller mesh or window"))
         }
         Error::Vulkan { result: vk::Result::ERROR_EXTENSION_NOT_PRESENT, .. } => cannot_show(&error.to_string()),
         Error::NoDevice { what, .. } => cannot_show(&what),

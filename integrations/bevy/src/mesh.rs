@@ -103,9 +103,9 @@ impl Morphed {
         let has_tangents = mesh.contains_attribute(Mesh::ATTRIBUTE_TANGENT);
         let ([x, y, z, normal, ..], [zero_x, zero_y, zero_z, ..]) = scale_of(layout)?;
         let mut tangent = 1.0;
-        for group in packed.groups() {
-            if group.layout().streams.first().is_some_and(|stream| stream.semantic == Semantic::Tangent) {
-                ([tangent, ..], _) = scale_of(group.layout())?;
+        for group in packed.layouts() {
+            if group.streams.first().is_some_and(|stream| stream.semantic == Semantic::Tangent) {
+                ([tangent, ..], _) = scale_of(group)?;
             }
         }
         let scale: Scale = [x, y, z, normal, zero_x, zero_y, zero_z, tangent];

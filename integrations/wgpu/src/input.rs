@@ -24,7 +24,7 @@ impl VertexInput {
     /// # Errors
     /// wgpu has no vertex attributes for the format, which no current format causes.
     pub fn new(format: PoseFormat, location: u32, previous: bool) -> Result<Self> {
-        let (bindings, attributes) = format.vertex_input(previous);
+        let (bindings, attributes) = if previous { format.vertex_input_with_previous() } else { format.vertex_input() };
         let attribute = |a: &vk::VertexInputAttributeDescription| {
             let unknown = || invalid(format!("vertex attributes of {:?}", a.format), "use poses of float32");
             let (offset, shader_location) = (u64::from(a.offset), location + a.location);

@@ -123,8 +123,7 @@ impl Morph {
         commands.on_submitted_work_done({
             let (gpu, device) = (gpu.clone(), self.device.clone());
             move || {
-                // SAFETY: the copies have run.
-                unsafe { lock(&gpu).release_staging() };
+                lock(&gpu).release_staging();
                 drop((gpu, device));
             }
         });

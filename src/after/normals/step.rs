@@ -48,11 +48,9 @@ impl GpuNormals {
         Ok(Self { surface: Arc::new(Surface { attached, spread }), staging: Some(upload) })
     }
 
-    /// Frees the staging memory.
-    ///
-    /// # Safety
-    /// The upload recorded with this surface has finished, or will never run: its copies read the memory.
-    pub unsafe fn release_staging(&mut self) {
+    /// Frees the staging memory. Call it when the upload has finished, or if it will never run:
+    /// [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals) requires that.
+    pub fn release_staging(&mut self) {
         self.staging = None;
     }
 }

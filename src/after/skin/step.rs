@@ -45,11 +45,9 @@ impl GpuSkin {
         Ok(Self { attached, influences, joint_count, staging: Some(upload) })
     }
 
-    /// Frees the staging memory.
-    ///
-    /// # Safety
-    /// The upload recorded with this skin has finished, or will never run: its copies read the memory.
-    pub unsafe fn release_staging(&mut self) {
+    /// Frees the staging memory. Call it when the upload has finished, or if it will never run:
+    /// [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin) requires that.
+    pub fn release_staging(&mut self) {
         self.staging = None;
     }
 }

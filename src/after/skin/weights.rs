@@ -27,7 +27,7 @@ pub enum SkinMethod {
 
 impl SkinMethod {
     /// Bytes per joint.
-    pub const fn joint_bytes(self) -> u64 {
+    pub(crate) const fn joint_bytes(self) -> u64 {
         match self {
             Self::Linear => 48,
             Self::DualQuaternion => 32,

@@ -57,6 +57,7 @@ impl Gltf {
     /// [`into_mesh`](Self::into_mesh) call them: those of the mesh or, where nodes in the scene have different weights
     /// for targets of one name, such as `face.smile`, with the name of the node (or of the mesh, if the node has none)
     /// before it.
+    #[doc(hidden)]
     pub fn target_names(&self, node: usize) -> impl Iterator<Item = &str> {
         let mesh = self.nodes.get(node).and_then(|stated| stated.mesh);
         let targets = mesh.map_or(0, |mesh| self.meshes[mesh].source.targets.len());

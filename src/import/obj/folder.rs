@@ -3,7 +3,7 @@
 use super::ObjFile;
 use crate::asset::normals::{area_vector, unit_normals};
 use crate::asset::{Corner, Faces, Mesh, MorphTarget};
-use crate::error::{Error, ErrorKind, Result, ensure, listed};
+use crate::error::{Error, Result, ensure, listed};
 use crate::import::stem;
 use crate::io::{has_extension, list};
 use crate::math::{diagonal, far_middle, map_all};
@@ -78,7 +78,7 @@ pub fn import_folder(folder: &Path) -> Result<Mesh> {
     let results = map_all(&paths, (), |(), (name, path)| neutral.target(name, path));
     let (targets, failed): (Vec<_>, Vec<_>) = results.into_iter().partition(Result::is_ok);
     for error in failed.into_iter().filter_map(Result::err) {
-        ensure!(!targets.is_empty() && error.kind() != ErrorKind::OutOfMemory, error);
+        ensure!(!targets.is_empty() && !matches!(error, Error::OutOfMemory { .. }), error);
         notes.push(format!("{error}; left out"));
     }
     let targets: Vec<(MorphTarget, Vec<&str>)> = targets.into_iter().flatten().collect();

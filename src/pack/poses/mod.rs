@@ -81,6 +81,7 @@ impl PoseFormat {
     }
 
     /// One-line description, shown in the command line's help.
+    #[doc(hidden)]
     pub const fn summary(self) -> &'static str {
         self.row().summary
     }
@@ -97,6 +98,7 @@ impl PoseFormat {
     }
 
     /// Whether poses are fixed-point: integers, independent of earlier poses.
+    #[doc(hidden)]
     pub const fn has_integers(self) -> bool {
         self.row().bits > 0
     }
@@ -125,6 +127,7 @@ impl PoseFormat {
     }
 
     /// The integers of a pose, [`POSE_FLOATS`] per vertex; empty for float32.
+    #[doc(hidden)]
     pub fn integers(self, pose: &[u8]) -> Vec<i32> {
         match self.row().bits {
             0 => vec![],

@@ -80,6 +80,7 @@ impl Clips {
     /// # Errors
     /// Errors of [`WeightClip::bind`]; a clip without frames or with an invalid frame rate; a weight beyond the grid
     /// (the message names frame and target); an order of importance for another number of targets.
+    #[doc(hidden)]
     pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout, grid: PoseGrid) -> Result<Self> {
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         let table = TABLE_WORDS * desc.clips.len();
@@ -159,6 +160,7 @@ impl Clips {
     }
 
     /// Table, keys, ranks, reaches and errors, as kernels read them.
+    #[doc(hidden)]
     pub fn words(&self) -> &[u32] {
         &self.words
     }
@@ -169,6 +171,7 @@ impl Clips {
     }
 
     /// Number of targets: keys per frame.
+    #[doc(hidden)]
     pub fn targets(&self) -> usize {
         self.targets
     }

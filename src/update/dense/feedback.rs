@@ -152,7 +152,7 @@ fn vertex_buffers(pass: &DensePass<'_>, first: usize, vertices: usize) -> (Vec<v
 /// Vertex input of a pass. Binding 0: the pose; bindings 1..=batch: the deltas of a target each.
 pub fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
-    let (mut bindings, mut attributes) = PoseFormat::Float32.vertex_input(false);
+    let (mut bindings, mut attributes) = PoseFormat::Float32.vertex_input();
     for b in 1..=batch {
         bindings.push(binding(b, format.stride() as u32));
         for &(format, offset) in format.row().attributes {
