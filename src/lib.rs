@@ -98,10 +98,8 @@ mod weights;
 pub use asset::KeptMesh;
 pub use asset::{Mesh, MeshArrays, Semantic, TargetArrays, Tolerance};
 pub use cpu::CpuCrowd;
-pub use crowd::CrowdBase;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, DeviceCrowd, GpuMesh, MorphEngine, PoseBuffer, PoseReadback, PoseView, ReadPose,
-    StreamView, Ticket, Update,
+    Crowd, GpuMesh, MorphEngine, PoseBuffer, PoseReadback, PoseView, ReadPose, StreamView, Ticket, Update,
 };
 pub use error::{Error, Result};
 pub use gpu::caps::DeviceCaps;

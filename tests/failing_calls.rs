@@ -8,8 +8,8 @@ use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, Skin
 use deltamorph::ash::vk;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, PackedMesh,
-    Playback, PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
+    AnimationDesc, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, PackedMesh, Playback,
+    PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -127,7 +127,7 @@ impl Lab<'_> {
     }
 
     /// Updates a crowd, and compares its poses with the reference.
-    fn verify(&self, engine: &MorphEngine, crowd: &mut impl AnyCrowd, mesh: &PackedMesh, asked: &[Vec<f32>]) {
+    fn verify(&self, engine: &MorphEngine, crowd: &mut Crowd, mesh: &PackedMesh, asked: &[Vec<f32>]) {
         let mut readback = engine.readback();
         let all: Vec<u32> = (0..asked.len() as u32).collect();
         // SAFETY: the buffer is recording, runs once, and is waited for.

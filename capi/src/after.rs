@@ -32,7 +32,7 @@ pub unsafe extern "C" fn dm_crowd_set_decode_target(
         // SAFETY: the caller's obligations.
         unsafe {
             attached::set_target(crowd, target, decode_target, |state, engine, target| {
-                Ok(engine.set_decode_target(state.any(), instance, target)?)
+                Ok(engine.set_decode_target(&mut state.crowd, instance, target)?)
             })
         }
     })
@@ -112,7 +112,7 @@ pub unsafe extern "C" fn dm_crowd_set_normals_target(
         unsafe {
             attached::set_target(crowd, target, make, |state, engine, target| {
                 attached::with_target(surface, target, |target| {
-                    Ok(engine.set_normals_target(state.any(), instance, target)?)
+                    Ok(engine.set_normals_target(&mut state.crowd, instance, target)?)
                 })
             })
         }

@@ -11,8 +11,8 @@ use crate::tickets::Tickets;
 use deltamorph::ash::vk::{self, Handle as _};
 use deltamorph::lod::Importance;
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DeviceCrowd, HostPoses, KeyFormat, Playback,
-    PoseFormat, Repeat, UpdateDesc, VertexLayout, WeightClip,
+    AnimationDesc, BatchSize, CrowdDesc, HostPoses, KeyFormat, Playback, PoseFormat, Repeat, UpdateDesc, VertexLayout,
+    WeightClip,
 };
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -26,49 +26,22 @@ handle!(DmCrowd for Crowd);
 
 /// The part that calls change.
 pub(crate) struct State {
-    pub(crate) kind: Kind,
+    pub(crate) crowd: deltamorph::Crowd,
     pub(crate) tickets: Tickets,
 }
 
-/// The kinds of crowds, by what sets the weights.
-#[allow(clippy::large_enum_variant, reason = "the registry keeps it on the heap, and does not move it")]
-pub(crate) enum Kind {
-    Weighted(deltamorph::Crowd),
-    Animated(AnimatedCrowd),
-}
-
 impl State {
-    /// The crowd, for calls that both kinds have.
-    pub(crate) fn crowd(&mut self) -> &mut DeviceCrowd {
-        match &mut self.kind {
-            Kind::Weighted(crowd) => crowd,
-            Kind::Animated(crowd) => crowd,
-        }
-    }
-
-    /// The crowd, for calls of the engine.
-    pub(crate) fn any(&mut self) -> &mut dyn AnyCrowd {
-        match &mut self.kind {
-            Kind::Weighted(crowd) => crowd,
-            Kind::Animated(crowd) => crowd,
-        }
-    }
-
     pub(crate) fn weighted(&mut self) -> Result<&mut deltamorph::Crowd> {
-        match &mut self.kind {
-            Kind::Weighted(crowd) => Ok(crowd),
-            Kind::Animated(_) => {
-                Err(Failure::invalid("the crowd plays clips; use dm_crowd_play and dm_crowd_set_time"))
-            }
+        match self.crowd.clips() {
+            None => Ok(&mut self.crowd),
+            Some(_) => Err(Failure::invalid("the crowd plays clips; use dm_crowd_play and dm_crowd_set_time")),
         }
     }
 
-    pub(crate) fn animated(&mut self) -> Result<&mut AnimatedCrowd> {
-        match &mut self.kind {
-            Kind::Animated(crowd) => Ok(crowd),
-            Kind::Weighted(_) => {
-                Err(Failure::invalid("the crowd plays no clips; dm_crowd_create_animated makes one that does"))
-            }
+    pub(crate) fn animated(&mut self) -> Result<&mut deltamorph::Crowd> {
+        match self.crowd.clips() {
+            Some(_) => Ok(&mut self.crowd),
+            None => Err(Failure::invalid("the crowd plays no clips; dm_crowd_create_animated makes one that does")),
         }
     }
 }
@@ -148,8 +121,8 @@ unsafe fn level(desc: *const DmLevelDesc) -> Result<Option<Importance>> {
     Ok(Some(Importance::of_packed(&mesh.packed, &pins)?))
 }
 
-fn insert(kind: Kind, engine: Arc<Engine>) -> DmCrowd {
-    DmCrowd::insert(Crowd { state: Mutex::new(State { kind, tickets: Tickets::default() }), engine })
+fn insert(crowd: deltamorph::Crowd, engine: Arc<Engine>) -> DmCrowd {
+    DmCrowd::insert(Crowd { state: Mutex::new(State { crowd, tickets: Tickets::default() }), engine })
 }
 
 /// Runs `body` with a crowd that is locked meanwhile.
@@ -189,7 +162,7 @@ pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDe
         let mesh = mesh.get()?;
         let made = mesh.engine.morph.create_crowd(&*lock(&mesh.mesh)?, &desc)?;
         // SAFETY: the caller's obligation; it was checked.
-        unsafe { crowd.write(insert(Kind::Weighted(made), mesh.engine.clone())) };
+        unsafe { crowd.write(insert(made, mesh.engine.clone())) };
         Ok(())
     })
 }
@@ -239,7 +212,7 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
         // SAFETY: the caller's obligations; `crowd` was checked.
         unsafe {
             let made = mesh.engine.morph.create_animated_crowd(cmd, &*lock(&mesh.mesh)?, &desc, &animation)?;
-            crowd.write(insert(Kind::Animated(made), mesh.engine.clone()));
+            crowd.write(insert(made, mesh.engine.clone()));
         }
         Ok(())
     })
@@ -260,7 +233,7 @@ pub unsafe extern "C" fn dm_crowd_destroy(crowd: DmCrowd) -> DmResult {
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_reset_history(crowd: DmCrowd, instance: u32) -> DmResult {
-    enter("dm_crowd_reset_history", || with(crowd, |state| Ok(state.crowd().reset_history(instance)?)))
+    enter("dm_crowd_reset_history", || with(crowd, |state| Ok(state.crowd.reset_history(instance)?)))
 }
 
 /// Hide an instance (not 0), or show it again (0). Updates leave a hidden instance out, and it keeps its pose. When it
@@ -269,7 +242,7 @@ pub extern "C" fn dm_crowd_reset_history(crowd: DmCrowd, instance: u32) -> DmRes
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_hidden(crowd: DmCrowd, instance: u32, hidden: u32) -> DmResult {
-    let body = |state: &mut State| Ok(state.crowd().set_hidden(instance, hidden != 0)?);
+    let body = |state: &mut State| Ok(state.crowd.set_hidden(instance, hidden != 0)?);
     enter("dm_crowd_set_hidden", || with(crowd, body))
 }
 
@@ -283,7 +256,7 @@ pub extern "C" fn dm_crowd_set_hidden(crowd: DmCrowd, instance: u32, hidden: u32
 pub unsafe extern "C" fn dm_crowd_add(crowd: DmCrowd, instance: *mut u32) -> DmResult {
     enter("dm_crowd_add", || {
         check_place(instance, "instance")?;
-        let added = with(crowd, |state| Ok(state.crowd().add()?))?;
+        let added = with(crowd, |state| Ok(state.crowd.add()?))?;
         // SAFETY: the caller's obligation; it was checked.
         unsafe { instance.write(added) };
         Ok(())
@@ -295,7 +268,7 @@ pub unsafe extern "C" fn dm_crowd_add(crowd: DmCrowd, instance: *mut u32) -> DmR
 /// Errors: DM_ERROR_INVALID for an instance out of range or already removed.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_remove(crowd: DmCrowd, instance: u32) -> DmResult {
-    enter("dm_crowd_remove", || with(crowd, |state| Ok(state.crowd().remove(instance)?)))
+    enter("dm_crowd_remove", || with(crowd, |state| Ok(state.crowd.remove(instance)?)))
 }
 
 /// Play a clip of an animated crowd from the next recorded update on.

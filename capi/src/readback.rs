@@ -71,10 +71,10 @@ pub unsafe extern "C" fn dm_readback_record(
         // SAFETY: the caller's obligation.
         let instances = unsafe { slice(instances, count as usize, "instances") }?;
         let mut locked = lock(&readback.state)?;
-        let mut state = lock(&crowd.state)?;
+        let state = lock(&crowd.state)?;
         locked.poses = None;
         // SAFETY: the caller's obligations.
-        Ok(unsafe { locked.readback.record(cmd, state.any(), instances) }?)
+        Ok(unsafe { locked.readback.record(cmd, &state.crowd, instances) }?)
     })
 }
 

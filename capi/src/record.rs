@@ -6,8 +6,8 @@ use crate::handles::{DmCrowd, Handle};
 use crate::memory::{Place, Versioned, slice};
 use crate::result::{DmResult, Failure, Result, enter, lock};
 use crate::structs::{DmTicket, DmUpdate};
+use deltamorph::Update;
 use deltamorph::ash::vk;
-use deltamorph::{AnyCrowd, Update};
 use std::sync::Arc;
 
 /// The result of an update in C's terms.
@@ -71,9 +71,9 @@ pub unsafe extern "C" fn dm_record_update(
             return Err(Failure::invalid("crowds of several engines; record the updates of each engine by themselves"));
         }
         let mut states = lock_all(handles, &objects)?;
-        let mut any: Vec<&mut dyn AnyCrowd> = states.iter_mut().map(|state| state.any()).collect();
+        let mut all: Vec<_> = states.iter_mut().map(|state| &mut state.crowd).collect();
         // SAFETY: the caller's obligations.
-        let recorded = unsafe { first.engine.morph.record_updates(cmd, &mut any) }?;
+        let recorded = unsafe { first.engine.morph.record_updates(cmd, &mut all) }?;
         places.resize_with(recorded.len(), || None);
         for (((recorded, place), state), handle) in recorded.iter().zip(places).zip(&mut states).zip(handles) {
             let number = state.tickets.push(recorded.ticket);
@@ -120,7 +120,7 @@ pub unsafe extern "C" fn dm_crowd_discard(crowd: DmCrowd, ticket: DmTicket) -> D
         let object = crowd.get()?;
         let mut state = lock(&object.state)?;
         let ticket = state.tickets.find(ticket.number)?;
-        Ok(state.crowd().discard(ticket)?)
+        Ok(state.crowd.discard(ticket)?)
     })
 }
 

@@ -83,7 +83,7 @@ pub unsafe extern "C" fn dm_crowd_set_skin_target(
         unsafe {
             attached::set_target(crowd, target, skin_target, |state, engine, target| {
                 attached::with_target(skin, target, |target| {
-                    Ok(engine.set_skin_target(state.any(), instance, target)?)
+                    Ok(engine.set_skin_target(&mut state.crowd, instance, target)?)
                 })
             })
         }
@@ -114,7 +114,7 @@ fn skin_target(asked: &DmSkinTarget) -> Result<SkinTarget> {
 /// buffer. Nothing changes then.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64) -> DmResult {
-    enter("dm_crowd_set_joints", || with(crowd, |state| Ok(state.crowd().set_joints(instance, offset)?)))
+    enter("dm_crowd_set_joints", || with(crowd, |state| Ok(state.crowd.set_joints(instance, offset)?)))
 }
 
 /// Get the buffer and offset of the skinned pose of an instance, valid once the updates recorded so far have run.
@@ -128,7 +128,7 @@ pub unsafe extern "C" fn dm_crowd_skinned(crowd: DmCrowd, instance: u32, view: *
     enter("dm_crowd_skinned", || {
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(view) }?;
-        let found = with(crowd, |state| Ok(state.crowd().skinned(instance)?))?;
+        let found = with(crowd, |state| Ok(state.crowd.skinned(instance)?))?;
         let (previous_buffer, previous_offset) = found.previous.unwrap_or_default();
         let (buffer, offset) = found.current;
         let none = DmSkinnedView::zeroed();

@@ -54,7 +54,7 @@ pub unsafe extern "C" fn dm_crowd_pose(crowd: DmCrowd, instance: u32, view: *mut
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(view) }?;
         let (found, previous) = with(crowd, |state| {
-            let crowd = state.crowd();
+            let crowd = &state.crowd;
             Ok((crowd.pose(instance)?, crowd.previous_pose(instance)?))
         })?;
         place.write(pose_view(&found, previous.as_ref()));
@@ -79,7 +79,7 @@ pub unsafe extern "C" fn dm_crowd_stream(
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(view) }?;
         let stream = semantic(stream)?;
-        let found = with(crowd, |state| Ok(state.crowd().stream(instance, stream)?))?;
+        let found = with(crowd, |state| Ok(state.crowd.stream(instance, stream)?))?;
         place.write(stream_view(&found));
         Ok(())
     })

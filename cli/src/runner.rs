@@ -7,8 +7,8 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use deltamorph::packed::PoseGrid;
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine,
-    PackDesc, PackedLayout, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+    AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine, PackDesc, PackedLayout,
+    PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
 pub use deltamorph_headless::Headless as Gpu;
 use deltamorph_headless::{DeviceChoice, Draws, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
@@ -90,9 +90,9 @@ pub fn packed(
 }
 
 /// The pose of instance `head`, counted over crowds of `instances` each.
-fn read_pose<C: AnyCrowd + 'static>(
+fn read_pose(
     instances: u32,
-    crowds: &mut [HeadlessCrowd<'_, C>],
+    crowds: &mut [HeadlessCrowd<'_>],
     head: u32,
     group: usize,
 ) -> deltamorph::Result<Vec<f32>> {
@@ -104,7 +104,7 @@ pub enum Runner<'a> {
     /// On a device: a crowd, or one per mesh of a scene, all with as many instances.
     Gpu(Vec<HeadlessCrowd<'a>>),
     /// On a device that plays a clip for each mesh, a frame per step.
-    Animated { crowds: Vec<HeadlessCrowd<'a, AnimatedCrowd>>, fps: f32, frame: usize },
+    Animated { crowds: Vec<HeadlessCrowd<'a>>, fps: f32, frame: usize },
     /// On the processor; with an upload to the device, if poses are drawn.
     Cpu(Box<CpuCrowd>, Option<Box<PoseUpload<'a>>>),
 }

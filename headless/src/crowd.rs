@@ -10,10 +10,8 @@ use super::submit::Readback;
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, Error, GpuMesh, PackedMesh, Playback, PoseReadback,
-    Result, Ticket, Update,
+    AnimationDesc, Crowd, CrowdDesc, Error, GpuMesh, PackedMesh, Playback, PoseReadback, Result, Ticket, Update,
 };
-use std::any::Any;
 use std::collections::VecDeque;
 use std::slice::from_ref;
 use std::time::Instant;
@@ -37,11 +35,11 @@ pub struct Recorded {
     ticket: Ticket,
 }
 
-/// A mesh and a crowd, animated on the GPU or not, on a [`Headless`] device.
-pub struct HeadlessCrowd<'a, C = Crowd> {
+/// A mesh and a crowd on a [`Headless`] device.
+pub struct HeadlessCrowd<'a> {
     headless: &'a Headless,
     mesh: GpuMesh,
-    crowd: C,
+    crowd: Crowd,
     draw: PoseDraw,
     readback: Readback,
     poses: PoseReadback,
@@ -71,9 +69,7 @@ impl<'a> HeadlessCrowd<'a> {
         let crowd = self.headless.engine.create_crowd(&self.mesh, desc)?;
         Self::with(self.headless, self.mesh.shared(), crowd)
     }
-}
 
-impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     /// Uploads `mesh` and makes a crowd that is animated on the GPU. [`step`](Self::step), called without weights,
     /// advances it to the time last set.
     ///
@@ -95,26 +91,24 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
         Self::with(headless, mesh, crowd)
     }
 
-    /// See [`AnimatedCrowd::play`].
+    /// See [`Crowd::play`].
     pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
         self.crowd.play(instance, playback)
     }
 
-    /// See [`AnimatedCrowd::set_level`].
+    /// See [`Crowd::set_level`].
     pub fn set_level(&mut self, instance: u32, level: f32) -> Result<()> {
         self.crowd.set_level(instance, level)
     }
 
-    /// See [`AnimatedCrowd::set_time`].
+    /// See [`Crowd::set_time`].
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         self.crowd.set_time(seconds)
     }
-}
 
-impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
-    fn with(headless: &'a Headless, mesh: GpuMesh, crowd: C) -> Result<Self> {
+    fn with(headless: &'a Headless, mesh: GpuMesh, crowd: Crowd) -> Result<Self> {
         let device = headless.engine.device();
-        let pose = crowd.base().view(0, 0, 0);
+        let pose = crowd.view(0, 0, 0);
         let draw = PoseDraw::new(device, pose.format)?;
         let readback = Readback::new(device, mesh.layout().base_bytes())?;
         let poses = headless.engine.readback();
@@ -122,7 +116,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     }
 
     /// Returns the crowd, read-only: only the methods here change it, so no crowd of another device can replace it.
-    pub fn crowd(&self) -> &C {
+    pub fn crowd(&self) -> &Crowd {
         &self.crowd
     }
 
@@ -131,40 +125,29 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         &self.mesh
     }
 
-    /// Returns the crowd, unless it is animated on the GPU.
-    fn weighted(&self) -> Option<&Crowd> {
-        let any: &dyn Any = &self.crowd;
-        any.downcast_ref()
-    }
-
-    /// See [`Crowd::set_weights`]; an error if the crowd is animated on the GPU.
+    /// See [`Crowd::set_weights`].
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        let any: &mut dyn Any = &mut self.crowd;
-        let Some(crowd) = any.downcast_mut::<Crowd>() else {
-            let what = format!("weights of instance {instance}, which is animated on the GPU");
-            return Err(Error::invalid(what, "play a clip, or make the crowd with create_crowd"));
-        };
-        crowd.set_weights(instance, weights)
+        self.crowd.set_weights(instance, weights)
     }
 
     /// See [`Crowd::reset_history`].
     pub fn reset_history(&mut self, instance: u32) -> Result<()> {
-        self.crowd.base_mut().reset_history(instance)
+        self.crowd.reset_history(instance)
     }
 
     /// See [`Crowd::set_hidden`].
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
-        self.crowd.base_mut().set_hidden(instance, hidden)
+        self.crowd.set_hidden(instance, hidden)
     }
 
     /// See [`Crowd::add`].
     pub fn add(&mut self) -> Result<u32> {
-        self.crowd.base_mut().add()
+        self.crowd.add()
     }
 
     /// See [`Crowd::remove`].
     pub fn remove(&mut self, instance: u32) -> Result<()> {
-        self.crowd.base_mut().remove(instance)
+        self.crowd.remove(instance)
     }
 
     /// Discards the update of `ticket` and all recorded after it, which never run: see [`Crowd::discard`].
@@ -175,13 +158,13 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
         if let Some(first) = self.waiting.iter().position(|waiting| *waiting == ticket) {
             self.waiting.truncate(first);
-        } else if !self.crowd.base().is_discarded(ticket)? {
+        } else if !self.crowd.is_discarded(ticket)? {
             return Err(Error::invalid(
                 "the update to discard is not waiting: it was submitted, or left behind by a step",
                 "discard updates before others are recorded or run",
             ));
         }
-        self.crowd.base_mut().discard(ticket)
+        self.crowd.discard(ticket)
     }
 
     /// Requests `weights[i]` for instance `i`, updates, and waits. Updates recorded earlier and not yet submitted can
@@ -230,7 +213,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         crowds: &mut [Self],
         weights: &[&[f32]],
         draws: Draws,
-        record: impl FnOnce(&Headless, &mut [&mut dyn AnyCrowd], vk::CommandBuffer) -> Result<Vec<Update>>,
+        record: impl FnOnce(&Headless, &mut [&mut Crowd], vk::CommandBuffer) -> Result<Vec<Update>>,
     ) -> Result<Step> {
         let Some(headless) = crowds.first().map(|crowd| crowd.headless) else {
             return Err(Error::invalid("a step of an empty list of crowds", "pass at least one"));
@@ -244,7 +227,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         let start = Instant::now();
         let mut rest = weights.iter();
         for this in &mut *crowds {
-            for (instance, weights) in (0..this.crowd.base().desc().instances).zip(&mut rest) {
+            for (instance, weights) in (0..this.crowd.desc().instances).zip(&mut rest) {
                 this.set_weights(instance, weights)?;
             }
         }
@@ -257,7 +240,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         let mut tickets = vec![];
         let ran = headless.submitter.run_timed(|cmd, next_part| {
             crowds.iter_mut().for_each(|this| this.waiting.clear());
-            let mut all: Vec<_> = crowds.iter_mut().map(|this| &mut this.crowd as &mut dyn AnyCrowd).collect();
+            let mut all: Vec<_> = crowds.iter_mut().map(|this| &mut this.crowd).collect();
             let updates = record(headless, &mut all, cmd)?;
             tickets.extend(updates.iter().map(|update| update.ticket));
             let mut sum = updates[0];
@@ -268,7 +251,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         });
         if ran.is_err() {
             // Nothing ran, whatever has been recorded so far.
-            crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.base_mut().discard(ticket))?;
+            crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.discard(ticket))?;
         }
         let (update, [gpu_ms, draw_ms]) = ran?;
         let load_ms = headless.submitter.load.get().map_or(0.0, |load| load.ms.get());
@@ -282,10 +265,10 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     /// # Errors
     /// Those of [`step`](Self::step); more waiting updates than [`CrowdDesc::frames_in_flight`].
     pub fn record(&mut self, weights: &[&[f32]]) -> Result<(Recorded, Update)> {
-        let base = self.crowd.base();
+        let base = &self.crowd;
         let most = u64::from(base.desc().frames_in_flight);
         // Crowds animated on the GPU have no lists that could be overwritten.
-        let has_lists = self.weighted().is_some();
+        let has_lists = base.clips().is_none();
         if has_lists && self.waiting.front().is_some_and(|first| base.recorded_since(*first) >= most) {
             return Err(Error::invalid(
                 format!("{most} updates wait to be submitted, as many as frames may be in flight"),
@@ -306,7 +289,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
             Ok(update)
         });
         if let (Err(_), Some(ticket)) = (&recorded, ticket) {
-            self.crowd.base_mut().discard(ticket)?;
+            self.crowd.discard(ticket)?;
         }
         let update = recorded?;
         self.waiting.push_back(update.ticket);
@@ -356,7 +339,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     }
 
     fn record_pass(&self, cmd: vk::CommandBuffer, copies: u32, positions: bool) -> Result<()> {
-        let (base, mut poses) = (self.crowd.base(), vec![]);
+        let (base, mut poses) = (&self.crowd, vec![]);
         if let Some(draws) = base.draws(0) {
             base.shown().try_for_each(|instance| base.slots_of(instance).map(drop))?;
             // SAFETY: as in `step_together`.

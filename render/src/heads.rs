@@ -209,7 +209,7 @@ impl Heads {
                     crowd.set_weights(head, weights.as_ref())?;
                 }
                 // SAFETY: the caller's obligations.
-                let update = unsafe { engine.record_update(cmd, &mut **crowd) }?;
+                let update = unsafe { engine.record_update(cmd, crowd) }?;
                 (update.stats, Some(update.ticket))
             }
             Poses::Processor(processor) => {

@@ -8,11 +8,11 @@ mod simd;
 mod sums;
 mod workers;
 
-use crate::crowd::{CrowdBase, Kind, TakesWeights};
+use crate::crowd::crowd_methods;
 use crate::error::{Error, Result, refuse};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
-use crate::plan::instances::{InstanceState, Instances};
+use crate::plan::instances::{InstanceState, Instances, OutputChange, check_weight, check_weights};
 use crate::plan::steps::{Source, Work};
 use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
@@ -22,12 +22,12 @@ use std::borrow::Cow;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
 
-/// Instances of one mesh with poses in main memory. An update is complete when [`CpuCrowd::update`] returns, so there
-/// is no `discard`.
-pub type CpuCrowd = CrowdBase<OnCpu>;
-
-/// The kind of crowd behind [`CpuCrowd`].
-pub struct OnCpu {
+/// Instances of one mesh with poses in main memory, numbered from 0. A new crowd has all its instances, all shown. An
+/// update is complete when [`update`](Self::update) returns, so there is no `discard`.
+pub struct CpuCrowd {
+    instances: Instances,
+    /// Updates planned so far.
+    updates: u64,
     mesh: Arc<PackedMesh>,
     /// By group.
     memory: Vec<Memory>,
@@ -40,25 +40,6 @@ enum CpuPlanner {
     Dense(DensePlanner),
     Blocks(Planner),
 }
-
-impl Kind for OnCpu {
-    fn layout(&self) -> &PackedLayout {
-        self.mesh.layout()
-    }
-
-    fn grid(&self) -> Option<PoseGrid> {
-        self.memory[0].grid
-    }
-
-    fn state(&mut self) -> &mut dyn InstanceState {
-        match &mut self.planner {
-            CpuPlanner::Dense(planner) => planner,
-            CpuPlanner::Blocks(planner) => planner,
-        }
-    }
-}
-
-impl TakesWeights for OnCpu {}
 
 /// Poses of a group.
 #[derive(Clone)]
@@ -85,8 +66,9 @@ fn check_memory(mesh: &PackedMesh, pose: PoseFormat, instances: u32, slots: u32)
     })
 }
 
-/// Methods of [`CpuCrowd`] only.
 impl CpuCrowd {
+    crowd_methods!();
+
     /// A crowd of `instances` instances, all weights 0. `threads`: 0 uses one per core; without the feature `threads`
     /// the calling thread does all work.
     ///
@@ -107,17 +89,36 @@ impl CpuCrowd {
         };
         let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, count));
         let memory = memory.collect::<Result<_>>()?;
-        Ok(Self { instances, updates: 0, kind: OnCpu { mesh, memory, workers, planner } })
+        Ok(Self { instances, updates: 0, mesh, memory, workers, planner })
     }
+
+    /// The mesh's layout of positions and normals: names, steps and sizes.
+    pub fn layout(&self) -> &PackedLayout {
+        self.mesh.layout()
+    }
+
+    fn grid(&self) -> Option<PoseGrid> {
+        self.memory[0].grid
+    }
+
+    fn parts(&mut self) -> (&mut Instances, &mut dyn InstanceState) {
+        match &mut self.planner {
+            CpuPlanner::Dense(planner) => (&mut self.instances, planner),
+            CpuPlanner::Blocks(planner) => (&mut self.instances, planner),
+        }
+    }
+
+    /// There are no post-morph passes.
+    fn change_outputs(&mut self, _instance: u32, _change: OutputChange) {}
 
     /// Updates all poses to the requested weights.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
-        let OnCpu { mesh, memory, workers, planner, .. } = &mut self.kind;
+        let Self { mesh, memory, workers, planner, instances, .. } = self;
         let groups = mesh.groups().iter();
         match planner {
             CpuPlanner::Dense(planner) => {
-                planner.plan(&mut self.instances, self.updates);
+                planner.plan(instances, self.updates);
                 groups
                     .clone()
                     .zip(memory)
@@ -125,7 +126,7 @@ impl CpuCrowd {
                 planner.stats(groups.map(PackedGroup::layout))
             }
             CpuPlanner::Blocks(planner) => {
-                planner.plan(&mut self.instances, self.updates);
+                planner.plan(instances, self.updates);
                 for ((group, memory), plan) in groups.zip(memory).zip(&planner.groups) {
                     memory.run_list(group, workers, plan);
                 }
@@ -138,7 +139,7 @@ impl CpuCrowd {
     /// pose.
     fn poses(&self, instance: u32, group: usize) -> Result<(&Memory, usize, Option<usize>)> {
         let place = self.instances.check(instance)?;
-        let OnCpu { mesh, memory, .. } = &self.kind;
+        let Self { mesh, memory, .. } = self;
         let Some(poses) = memory.get(group) else {
             let text = format!("group {group} of mesh '{}', which has {}", mesh.layout().name, memory.len());
             return refuse(text, "count groups from 0");

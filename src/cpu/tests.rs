@@ -73,8 +73,8 @@ proptest! {
                 let did = (stats.coefficients, stats.passes, stats.dirty_blocks, stats.bytes_moved, stats.bytes_floor);
                 prop_assert_eq!(did, (0, 0, 0, 0, 0), "{:?} {:?} frame {}", desc, format, frame);
             }
-            if let CpuPlanner::Blocks(planner) = &crowd.kind.planner {
-                let moved = metered(&crowd.kind.mesh, &planner.groups[0]);
+            if let CpuPlanner::Blocks(planner) = &crowd.planner {
+                let moved = metered(&crowd.mesh, &planner.groups[0]);
                 prop_assert_eq!(stats.bytes_moved, moved, "{:?} {:?} frame {}", desc, format, frame);
             }
             for (i, before) in (0..).zip(&mut before) {

@@ -1,7 +1,7 @@
 //! Targets of steps after the pose, and uploads for them.
 
 use super::MorphEngine;
-use super::base::AnyCrowd;
+use super::base::Crowd;
 use crate::abi::steps::after_steps;
 use crate::after::*;
 use crate::error::Result;
@@ -102,11 +102,10 @@ macro_rules! target_setters {
             /// - All updates of the crowd recorded with an earlier target of the instance have finished.
             pub unsafe fn $set(
                 &self,
-                crowd: &mut (impl AnyCrowd + ?Sized),
+                crowd: &mut Crowd,
                 instance: u32,
                 target: Option<$target>,
             ) -> Result<()> {
-                let crowd = crowd.base_mut();
                 crowd.check_device(&self.device)?;
                 crowd.set_after(&self.kernels, instance, |after, context| match target {
                     Some(target) => crate::after::$module::$step::set(after, context, target),

@@ -5,7 +5,7 @@ use super::upload::GpuMesh;
 use super::views::PoseView;
 use crate::after::{After, TargetContext};
 use crate::asset::streams::{Semantic, StreamPlace};
-use crate::crowd::{CrowdBase, Kind};
+use crate::crowd::crowd_methods;
 use crate::error::{Error, Result, ensure};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
@@ -13,9 +13,10 @@ use crate::gpu::pipelines::Kernels;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
 use crate::plan::UpdateStats;
-use crate::plan::instances::{InstanceState, Instances, OutputChange};
+use crate::plan::instances::{InstanceState, Instances, OutputChange, check_weight, check_weights};
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Owner, Resource, Steps, Use, Work};
+use crate::update::animated::Animated;
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique::{Context, PoseDraws, PoseGroup, Technique, UpdateId};
 use ash::vk;
@@ -38,19 +39,27 @@ pub struct Ticket {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Update {
-    /// For [`Crowd::discard`](super::Crowd::discard), if the command buffer will never run.
+    /// For [`Crowd::discard`](Crowd::discard), if the command buffer will never run.
     pub ticket: Ticket,
     /// Statistics; all zero except the bound if nothing changed and nothing was recorded. Direct paths: of the draws,
     /// even if nothing changed.
     pub stats: UpdateStats,
-    /// Timestamps that it writes, into the first queries of [`DeviceCrowd::set_queries`]: one more than
-    /// [steps](DeviceCrowd::step_names), 0 if nothing was recorded or no queries were set.
+    /// Timestamps that it writes, into the first queries of [`Crowd::set_queries`]: one more than
+    /// [steps](Crowd::step_names), 0 if nothing was recorded or no queries were set.
     pub timestamps: u32,
 }
 
-/// The kind of crowds with poses on a device, updated by `U`.
-pub struct OnDevice<U: ?Sized> {
-    pub(crate) after: After,
+/// Instances of one mesh on a device, numbered from 0. A new crowd has all its instances, all shown.
+///
+/// The host sets weights ([`set_weights`](Self::set_weights)), or, in a crowd that
+/// [`create_animated_crowd`](super::MorphEngine::create_animated_crowd) made, plays clips ([`play`](Self::play)): the
+/// GPU then samples, plans and applies weights. [`MorphEngine`](crate::MorphEngine) lists the caller's
+/// responsibilities.
+pub struct Crowd {
+    pub(super) instances: Instances,
+    /// Updates planned so far.
+    pub(super) updates: u64,
+    pub(super) after: After,
     /// At least one.
     pub(super) groups: Vec<PoseGroup>,
     pub(super) steps: Steps,
@@ -58,7 +67,7 @@ pub struct OnDevice<U: ?Sized> {
     wrote: Vec<&'static [Use]>,
     pub(super) schedule: Schedule,
     last: Option<UpdateId>,
-    pub(crate) desc: CrowdDesc,
+    pub(super) desc: CrowdDesc,
     device: Arc<Device>,
     /// Unique number of the crowd.
     number: u64,
@@ -68,76 +77,46 @@ pub struct OnDevice<U: ?Sized> {
     discarded: Vec<RangeInclusive<u64>>,
     /// The host's queries that are left for the next update: pool, first and number.
     pub(super) queries: Option<(vk::QueryPool, u32, u32)>,
-    pub(super) updater: U,
+    // Dropped before the buffers that its descriptor sets reference.
+    pub(super) updater: Updater,
+    _poses: Vec<Buffer>,
 }
 
-/// A technique, and the memory of the poses.
-pub trait Updater: Send + Sync {
-    /// The technique.
-    fn technique(&self) -> &dyn Technique;
-    /// The technique, mutably.
-    fn technique_mut(&mut self) -> &mut dyn Technique;
+/// What updates poses.
+pub(super) enum Updater {
+    /// The technique of the path, to the weights that the host sets.
+    Weights(Box<dyn Technique>),
+    /// Clips that the device plays.
+    Clips(Box<Animated>),
 }
 
-/// A crowd on a device: a [`Crowd`](super::Crowd) or an [`AnimatedCrowd`](super::AnimatedCrowd), to which references to
-/// them coerce.
-pub type DeviceCrowd = CrowdBase<OnDevice<dyn Updater>>;
-
-/// A crowd on a device of either kind: [`Crowd`](super::Crowd), whose weights the host sets, or
-/// [`AnimatedCrowd`](super::AnimatedCrowd), which plays clips. Parameter type of
-/// [`MorphEngine::record_updates`](super::MorphEngine::record_updates) (as `&mut dyn AnyCrowd`) and of steps after the
-/// pose, such as [`MorphEngine::set_skin_target`](super::MorphEngine::set_skin_target). Sealed.
-pub trait AnyCrowd: sealed::Sealed {}
-
-pub(crate) mod sealed {
-    use super::DeviceCrowd;
-
-    /// Seals `AnyCrowd`.
-    pub trait Sealed {
-        fn base(&self) -> &DeviceCrowd;
-        fn base_mut(&mut self) -> &mut DeviceCrowd;
-    }
-}
-
-impl<U: Updater + 'static> sealed::Sealed for CrowdBase<OnDevice<U>> {
-    fn base(&self) -> &DeviceCrowd {
-        self
+impl Updater {
+    fn technique(&self) -> &dyn Technique {
+        match self {
+            Self::Weights(technique) => &**technique,
+            Self::Clips(animated) => &**animated,
+        }
     }
 
-    fn base_mut(&mut self) -> &mut DeviceCrowd {
-        self
+    pub(super) fn technique_mut(&mut self) -> &mut dyn Technique {
+        match self {
+            Self::Weights(technique) => &mut **technique,
+            Self::Clips(animated) => &mut **animated,
+        }
     }
 }
 
-impl<U: Updater + 'static> AnyCrowd for CrowdBase<OnDevice<U>> {}
+impl Crowd {
+    crowd_methods!();
 
-impl<U: Updater + ?Sized> Kind for OnDevice<U> {
-    fn layout(&self) -> &PackedLayout {
-        &self.groups[0].mesh.layout
-    }
-
-    fn grid(&self) -> Option<PoseGrid> {
-        self.groups[0].poses.grid
-    }
-
-    fn state(&mut self) -> &mut dyn InstanceState {
-        self.updater.technique_mut().state()
-    }
-
-    fn change_outputs(&mut self, instance: u32, change: OutputChange) {
-        self.after.change(instance, change);
-    }
-}
-
-impl<U: Updater> CrowdBase<OnDevice<U>> {
-    /// Creates a crowd with requested weights for `targets` targets; `make` gets the memory of the poses.
+    /// Creates a crowd with requested weights for `targets` targets; `make` makes what updates them.
     pub(super) fn on_device(
         device: &Arc<Device>,
         kernels: &Kernels,
         mesh: &GpuMesh,
         desc: &CrowdDesc,
         targets: usize,
-        make: impl FnOnce(Context<'_>, Vec<Buffer>) -> Result<U>,
+        make: impl FnOnce(Context<'_>) -> Result<Updater>,
     ) -> Result<Self> {
         static CROWDS: AtomicU64 = AtomicU64::new(0);
         let instances = desc.instances;
@@ -148,8 +127,10 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
         let (groups, buffers) = poses::make(device, mesh, desc)?;
         let mesh = &groups[0].mesh;
         let poses = groups[0].poses;
-        let kind = OnDevice {
-            updater: make(Context { device, kernels, mesh, desc, poses, all: &groups }, buffers)?,
+        let updater = make(Context { device, kernels, mesh, desc, poses, all: &groups })?;
+        Ok(Self {
+            instances: Instances::new(instances as usize, targets, slots, frames),
+            updates: 0,
             after: After::default(),
             groups,
             steps: Steps::new(desc.consumers_on_queue(device)),
@@ -162,22 +143,37 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
             recorded: 0,
             discarded: vec![],
             queries: None,
-        };
-        let instances = Instances::new(instances as usize, targets, slots, frames);
-        Ok(Self { instances, updates: 0, kind })
+            updater,
+            _poses: buffers,
+        })
     }
-}
 
-impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
+    /// The mesh's layout of positions and normals: names, steps and sizes.
+    pub fn layout(&self) -> &PackedLayout {
+        &self.groups[0].mesh.layout
+    }
+
+    fn grid(&self) -> Option<PoseGrid> {
+        self.groups[0].poses.grid
+    }
+
+    pub(super) fn parts(&mut self) -> (&mut Instances, &mut dyn InstanceState) {
+        (&mut self.instances, self.updater.technique_mut().state())
+    }
+
+    fn change_outputs(&mut self, instance: u32, change: OutputChange) {
+        self.after.change(instance, change);
+    }
+
     /// The technique that plans and records updates.
     #[doc(hidden)]
     pub fn technique(&self) -> &dyn Technique {
-        self.kind.updater.technique()
+        self.updater.technique()
     }
 
     /// Checks that the crowd was created on this device.
     pub(crate) fn check_device(&self, device: &Arc<Device>) -> Result<()> {
-        let is_its_own = Arc::ptr_eq(&self.kind.device, device);
+        let is_its_own = Arc::ptr_eq(&self.device, device);
         ensure!(is_its_own, "the crowd belongs to another MorphEngine", "record it with the engine that created it");
         Ok(())
     }
@@ -198,49 +194,48 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         // Later ranges are merged into this one, as is the last earlier one if adjacent. Only a limited number is kept:
         // a ticket between the two oldest counts as discarded.
         let update = ticket.id.update;
-        let kind = &mut self.kind;
-        kind.discarded.retain(|updates| *updates.start() < update);
+        self.discarded.retain(|updates| *updates.start() < update);
         let mut first = update;
-        if let Some(before) = kind.discarded.pop_if(|updates| *updates.end() + 1 == update) {
+        if let Some(before) = self.discarded.pop_if(|updates| *updates.end() + 1 == update) {
             first = *before.start();
         }
-        if kind.discarded.len() == DISCARDED_RANGES {
-            let oldest = kind.discarded.remove(0);
-            kind.discarded[0] = *oldest.start()..=*kind.discarded[0].end();
+        if self.discarded.len() == DISCARDED_RANGES {
+            let oldest = self.discarded.remove(0);
+            self.discarded[0] = *oldest.start()..=*self.discarded[0].end();
         }
-        kind.discarded.push(first..=self.updates);
+        self.discarded.push(first..=self.updates);
         self.instances.discard_from(update);
-        kind.updater.technique_mut().discard_from(ticket.id);
-        kind.after.discard_from(update);
-        kind.recorded = kind.recorded.min(ticket.id.recorded);
+        self.updater.technique_mut().discard_from(ticket.id);
+        self.after.discard_from(update);
+        self.recorded = self.recorded.min(ticket.id.recorded);
         Ok(())
     }
 
     /// Whether the update of a ticket was discarded; an error for a ticket of another crowd.
     #[doc(hidden)]
     pub fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
-        let is_its_own = ticket.crowd == self.kind.number;
+        let is_its_own = ticket.crowd == self.number;
         ensure!(is_its_own, "the ticket is of another crowd", "discard it in the crowd that was updated");
-        Ok(self.kind.discarded.iter().any(|updates| updates.contains(&ticket.id.update)))
+        Ok(self.discarded.iter().any(|updates| updates.contains(&ticket.id.update)))
     }
 
     /// Number of updates that recorded something since that of `ticket`, inclusive.
     #[doc(hidden)]
     pub fn recorded_since(&self, ticket: Ticket) -> u64 {
-        self.kind.recorded.saturating_sub(ticket.id.recorded)
+        self.recorded.saturating_sub(ticket.id.recorded)
     }
 
     /// Discards the update planned last, completely or partly.
     pub(super) fn discard_last(&mut self) {
-        if let Some(id) = self.kind.last {
+        if let Some(id) = self.last {
             // Cannot fail: the ticket is of this crowd.
-            let _ = self.discard(Ticket { crowd: self.kind.number, id });
+            let _ = self.discard(Ticket { crowd: self.number, id });
         }
     }
 
     /// Writes of poses by the last update that wrote any.
     pub(super) fn writes_of_poses(&self) -> impl Iterator<Item = &'static Use> {
-        let uses = self.kind.wrote.iter().flat_map(|uses| uses.iter());
+        let uses = self.wrote.iter().flat_map(|uses| uses.iter());
         uses.filter(|used| used.memory == Resource::Poses && used.access.writes())
     }
 
@@ -249,7 +244,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     pub fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
         self.check_has_poses()?;
-        let count = self.kind.groups.len();
+        let count = self.groups.len();
         let what = || format!("group {group} of mesh '{}', which has {count}", self.layout().name);
         ensure!(group < count, what(), "count groups from 0");
         Ok(self.view(instance, slot, group))
@@ -262,7 +257,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     }
 
     pub(super) fn check_has_poses(&self) -> Result<()> {
-        let what = || format!("the path '{}' has no pose buffers", self.kind.desc.update.path.name());
+        let what = || format!("the path '{}' has no pose buffers", self.desc.update.path.name());
         let remedy = "its draws evaluate poses: use a path with pose buffers, such as 'compute'";
         ensure!(self.technique().draws(0).is_none(), what(), remedy);
         Ok(())
@@ -277,7 +272,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
 
     /// The group that contains a stream, and the stream's place in it.
     pub(super) fn place(&self, semantic: Semantic) -> Result<(usize, StreamPlace)> {
-        let groups = self.kind.groups.iter().enumerate();
+        let groups = self.groups.iter().enumerate();
         let streams = groups.flat_map(|(group, of)| of.mesh.layout.streams.iter().map(move |place| (group, *place)));
         streams.clone().find(|(_, place)| place.semantic == semantic).ok_or_else(|| {
             let names: Vec<String> = streams.map(|(_, place)| place.semantic.to_string()).collect();
@@ -297,7 +292,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// The pose in a slot of an instance, in a group of the mesh.
     #[doc(hidden)]
     pub fn view(&self, instance: u32, slot: u32, group: usize) -> PoseView {
-        PoseView::new(&self.kind.groups[group].poses, instance, slot)
+        PoseView::new(&self.groups[group].poses, instance, slot)
     }
 
     /// Changes the targets of steps after the pose of an instance with `set`.
@@ -309,7 +304,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     ) -> Result<()> {
         self.instances.check(instance)?;
         self.check_has_poses()?;
-        let OnDevice { after, groups, steps, desc, device, .. } = &mut self.kind;
+        let Self { after, groups, steps, desc, device, .. } = self;
         set(after, &TargetContext { device, kernels, group: &groups[0], frames: desc.frames_in_flight, instance })?;
         steps.read_besides(after.outputs());
         Ok(())
@@ -319,7 +314,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// on the GPU have a name for each step), then of [steps after the pose](crate::after). None if nothing was
     /// recorded. Labels ([`DeviceDesc::debug_names`](crate::DeviceDesc::debug_names)) have these names.
     pub fn step_names(&self) -> impl Iterator<Item = &'static str> {
-        self.kind.steps.firsts().map(|work| self.step_name(work))
+        self.steps.firsts().map(|work| self.step_name(work))
     }
 
     /// Has the next recording call write timestamps of this crowd's update into queries of the host's: query `first`
@@ -335,7 +330,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     ///   device has finished, are reset before the update runs, and are in no other use until then.
     /// - The queue of the update has timestamps (`timestampValidBits` of its family is not 0).
     pub unsafe fn set_queries(&mut self, pool: vk::QueryPool, first: u32, count: u32) {
-        self.kind.queries = Some((pool, first, count));
+        self.queries = Some((pool, first, count));
     }
 
     /// Writes a timestamp into the next query, if there are any.
@@ -343,7 +338,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// # Safety
     /// See [`set_queries`](Self::set_queries); `cmd` is in the recording state on the crowd's device.
     pub(super) unsafe fn write_timestamp(&mut self, cmd: vk::CommandBuffer) {
-        let OnDevice { queries: Some((pool, next, left)), device, .. } = &mut self.kind else { return };
+        let Self { queries: Some((pool, next, left)), device, .. } = self else { return };
         // Tests record more works than were planned.
         if *left > 0 {
             // SAFETY: the caller's obligations.
@@ -354,11 +349,11 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
 
     /// Timestamps of the update planned last, for which there have to be queries.
     fn timestamps(&mut self) -> Result<u32> {
-        let written = match self.kind.steps.firsts().count() as u32 {
+        let written = match self.steps.firsts().count() as u32 {
             0 => 0,
             steps => steps + 1,
         };
-        let Some((.., count)) = &mut self.kind.queries else { return Ok(0) };
+        let Some((.., count)) = &mut self.queries else { return Ok(0) };
         let what = || format!("{count} queries for the {written} timestamps of an update");
         ensure!(*count >= written, what(), "hand in one more than the update has steps");
         *count = written;
@@ -367,7 +362,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
 
     pub(super) fn step_name(&self, work: &Work) -> &'static str {
         match work.owner {
-            Owner::Technique => self.technique().step_name(work).unwrap_or(self.kind.desc.update.path.name()),
+            Owner::Technique => self.technique().step_name(work).unwrap_or(self.desc.update.path.name()),
             Owner::Step(kind) => kind.name(),
         }
     }
@@ -377,31 +372,31 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// # Safety
     /// See [`Technique::record`].
     pub(super) unsafe fn record(&self, cmd: vk::CommandBuffer, work: &Work) {
-        let frame = self.kind.last.map_or(0, |id| id.frame);
+        let frame = self.last.map_or(0, |id| id.frame);
         match work.owner {
             // SAFETY: the caller's obligations.
             Owner::Technique => unsafe { self.technique().record(cmd, frame, work) },
             // SAFETY: as above.
-            Owner::Step(kind) => unsafe { self.kind.after.record(cmd, frame, kind, work) },
+            Owner::Step(kind) => unsafe { self.after.record(cmd, frame, kind, work) },
         }
     }
 
     /// Plans an update and advances the state. If it fails, call [`discard_last`](Self::discard_last).
     pub(super) fn plan(&mut self) -> Result<Update> {
         self.updates += 1;
-        let OnDevice { updater, after, steps, wrote, last, desc, recorded, .. } = &mut self.kind;
+        let Self { instances, updater, after, steps, wrote, last, desc, recorded, .. } = self;
         steps.clear();
         // Reuses the lists of the update `frames_in_flight` before it.
         let frame = (*recorded + 1) % u64::from(desc.frames_in_flight);
         let id = UpdateId { update: self.updates, recorded: *recorded, frame };
         *last = Some(id);
-        let stats = updater.technique_mut().plan(&mut self.instances, id, steps)?;
+        let stats = updater.technique_mut().plan(instances, id, steps)?;
         if !steps.is_empty() {
             wrote.clear();
             wrote.extend(steps.uses());
         }
-        after.plan(updater.technique_mut(), &self.instances, id, wrote, steps)?;
+        after.plan(updater.technique_mut(), instances, id, wrote, steps)?;
         *recorded += u64::from(!steps.is_empty());
-        Ok(Update { ticket: Ticket { crowd: self.kind.number, id }, stats, timestamps: self.timestamps()? })
+        Ok(Update { ticket: Ticket { crowd: self.number, id }, stats, timestamps: self.timestamps()? })
     }
 }

@@ -1,65 +1,17 @@
-//! Crowds on a device, with weights set by the host or clips played on the GPU.
+//! What hosts read of crowds on a device, and what crowds that play clips are told.
 
-use super::base::{OnDevice, Updater};
+use super::base::{Crowd, Updater};
 use super::poses;
 use super::views::{PoseBuffer, PoseView, StreamView};
 use crate::after::SkinnedView;
 use crate::after::skin::Skin;
 use crate::asset::streams::Semantic;
-use crate::crowd::{CrowdBase, TakesWeights};
-use crate::error::Result;
-use crate::gpu::memory::Buffer;
+use crate::error::{Result, refuse};
 use crate::pack::PackedMesh;
 use crate::update::animated::{Animated, Clips, Playback};
 use crate::update::crowd::CrowdDesc;
-use crate::update::technique::Technique;
 
-/// Instances of one mesh on a device, with weights set by the host. [`MorphEngine`](crate::MorphEngine) lists the
-/// caller's responsibilities.
-pub type Crowd = CrowdBase<OnDevice<Weighted>>;
-
-/// Instances of one mesh on a device that play clips: the GPU samples, plans and applies weights.
-/// [`MorphEngine`](crate::MorphEngine) lists the caller's responsibilities.
-pub type AnimatedCrowd = CrowdBase<OnDevice<Playing>>;
-
-/// Updater of a [`Crowd`]: the technique of its path.
-pub struct Weighted {
-    // Dropped before the buffers that its descriptor sets reference.
-    pub(super) technique: Box<dyn Technique>,
-    pub(super) _poses: Vec<Buffer>,
-}
-
-/// Updater of an [`AnimatedCrowd`].
-pub struct Playing {
-    // Dropped first, as above.
-    pub(super) animated: Animated,
-    pub(super) _poses: Vec<Buffer>,
-}
-
-impl Updater for Weighted {
-    fn technique(&self) -> &dyn Technique {
-        &*self.technique
-    }
-
-    fn technique_mut(&mut self) -> &mut dyn Technique {
-        &mut *self.technique
-    }
-}
-
-impl Updater for Playing {
-    fn technique(&self) -> &dyn Technique {
-        &self.animated
-    }
-
-    fn technique_mut(&mut self) -> &mut dyn Technique {
-        &mut self.animated
-    }
-}
-
-impl TakesWeights for OnDevice<Weighted> {}
-
-/// Methods of [`Crowd`] and [`AnimatedCrowd`].
-impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
+impl Crowd {
     /// Bytes of device memory for the poses of a crowd, in all groups of the mesh and in engine-owned or host buffers
     /// ([`CrowdDesc::poses`]). On a direct path one pose, for captures.
     pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
@@ -75,12 +27,12 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     pub fn pose_buffer(&self, semantic: Semantic) -> Result<PoseBuffer> {
         self.check_has_poses()?;
         let (group, place) = self.place(semantic)?;
-        PoseBuffer::new(&self.kind.groups[group].poses, place)
+        PoseBuffer::new(&self.groups[group].poses, place)
     }
 
     /// The description that the crowd was created with.
     pub fn desc(&self) -> &CrowdDesc {
-        &self.kind.desc
+        &self.desc
     }
 
     /// The pose of `instance` after the updates recorded so far.
@@ -130,7 +82,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// their buffer. Nothing changes then.
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
         self.instances.check(instance)?;
-        Skin::set_joints(&mut self.kind.after, instance, offset)
+        Skin::set_joints(&mut self.after, instance, offset)
     }
 
     /// Locations of the skinned pose of an instance after the updates recorded so far.
@@ -140,19 +92,19 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// discarded.
     pub fn skinned(&self, instance: u32) -> Result<SkinnedView> {
         self.instances.check(instance)?;
-        Skin::view(&self.kind.after, instance)
+        Skin::view(&self.after, instance)
     }
 }
 
-/// Methods of [`AnimatedCrowd`] only.
-impl AnimatedCrowd {
+/// Methods of crowds that play clips: others refuse them.
+impl Crowd {
     /// Plays a clip from the next recorded update on.
     ///
     /// # Errors
-    /// An instance or clip out of range; a speed or start that is not finite or too large.
+    /// A crowd that plays no clips; an instance or clip out of range; a speed or start that is not finite or too large.
     pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
         self.instances.check(instance)?;
-        let Animated { playbacks, clips, .. } = self.animated_mut();
+        let Animated { playbacks, clips, .. } = self.animated_mut()?;
         playbacks.play(instance, playback, clips)
     }
 
@@ -168,7 +120,7 @@ impl AnimatedCrowd {
     /// An instance out of range; a level that is negative or NaN; a crowd created without an order of importance.
     pub fn set_level(&mut self, instance: u32, level: f32) -> Result<()> {
         self.instances.check(instance)?;
-        let Animated { playbacks, clips, .. } = self.animated_mut();
+        let Animated { playbacks, clips, .. } = self.animated_mut()?;
         playbacks.set_level(instance, level, clips)
     }
 
@@ -177,27 +129,35 @@ impl AnimatedCrowd {
     /// # Errors
     /// `seconds` is not finite or too large; more than 4.5 hours before the start of an instance's clip.
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
-        self.animated_mut().playbacks.set_time(seconds)
+        self.animated_mut()?.playbacks.set_time(seconds)
     }
 
     /// Frees the staging memory. Call it when the upload has finished, or if it will never run:
     /// [`create_animated_crowd`](super::MorphEngine::create_animated_crowd) requires that.
     pub fn release_staging(&mut self) {
-        self.animated_mut().staging = None;
+        if let Updater::Clips(animated) = &mut self.updater {
+            animated.staging = None;
+        }
     }
 
-    /// The clips of the crowd: lengths, frame rates, and rounding of keys.
-    pub fn clips(&self) -> &Clips {
-        &self.animated().clips
+    /// The clips of the crowd: lengths, frame rates, and rounding of keys; `None` if it plays none.
+    pub fn clips(&self) -> Option<&Clips> {
+        self.animated().map(|animated| &animated.clips)
     }
 
     /// What the device samples and plans with.
     #[doc(hidden)]
-    pub fn animated(&self) -> &Animated {
-        &self.kind.updater.animated
+    pub fn animated(&self) -> Option<&Animated> {
+        match &self.updater {
+            Updater::Clips(animated) => Some(animated),
+            Updater::Weights(_) => None,
+        }
     }
 
-    fn animated_mut(&mut self) -> &mut Animated {
-        &mut self.kind.updater.animated
+    fn animated_mut(&mut self) -> Result<&mut Animated> {
+        match &mut self.updater {
+            Updater::Clips(animated) => Ok(animated),
+            Updater::Weights(_) => refuse("a crowd that plays no clips", "make it with create_animated_crowd"),
+        }
     }
 }

@@ -12,8 +12,7 @@ mod record;
 mod upload;
 mod views;
 
-pub use base::{AnyCrowd, DeviceCrowd, Ticket, Update};
-pub use crowd::{AnimatedCrowd, Crowd};
+pub use base::{Crowd, Ticket, Update};
 pub use readback::{PoseReadback, ReadPose};
 pub use upload::GpuMesh;
 pub use views::{PoseBuffer, PoseView, StreamView};
@@ -31,7 +30,7 @@ use crate::update::crowd::CrowdDesc;
 use crate::update::technique;
 use crate::update::technique::Techniques;
 use ash::vk;
-use crowd::{Playing, Weighted};
+use base::Updater;
 use std::sync::{Arc, OnceLock};
 
 /// The engine: the host's device, and a cache of pipelines.
@@ -44,8 +43,8 @@ use std::sync::{Arc, OnceLock};
 /// 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
 ///    [`Crowd::pose`].
 ///
-/// Or the GPU animates: [`MorphEngine::create_animated_crowd`] uploads clips, [`AnimatedCrowd::play`] starts them, and
-/// each frame calls [`AnimatedCrowd::set_time`] instead of setting weights.
+/// Or the GPU animates: [`MorphEngine::create_animated_crowd`] uploads clips, [`Crowd::play`] starts them, and
+/// each frame calls [`Crowd::set_time`] instead of setting weights.
 ///
 /// # What the caller is responsible for
 /// - Uploads, updates and draws run on one queue with graphics and compute, since barriers name stages of both, or on
@@ -151,8 +150,8 @@ impl MorphEngine {
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
-        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, |context, poses| {
-            Ok(Weighted { technique: technique(context, self.others.get().copied())?, _poses: poses })
+        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, |context| {
+            Ok(Updater::Weights(technique(context, self.others.get().copied())?))
         })
     }
 
@@ -182,7 +181,7 @@ impl MorphEngine {
     /// the rest. Any number of updates may be in flight, since there is no ring of lists; with [steps after the
     /// pose](crate::after), [`CrowdDesc::frames_in_flight`] at most.
     ///
-    /// A [discarded](AnimatedCrowd::discard) update changed nothing: poses are those of the update before it, and the
+    /// A [discarded](Crowd::discard) update changed nothing: poses are those of the update before it, and the
     /// next update does its work. Until then, instances added since have no pose, nor do those that were shown and
     /// hidden repeatedly in the discarded updates.
     ///
@@ -190,7 +189,7 @@ impl MorphEngine {
     /// TRANSFER_WRITE; last COMPUTE_SHADER).
     ///
     /// The caller is responsible for: submitting `cmd` before any update of the crowd, and calling
-    /// [`AnimatedCrowd::release_staging`] once it has finished.
+    /// [`Crowd::release_staging`] once it has finished.
     ///
     /// # Errors
     /// Errors of [`create_crowd`](Self::create_crowd) and [`Clips::new`]; float32 poses; more than 32 slots; instances,
@@ -200,7 +199,7 @@ impl MorphEngine {
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
     ///   without active conditional rendering, on a queue with compute.
     /// - It runs exactly once, before any update of the crowd; if it never runs, the crowd is not updated.
-    /// - [`AnimatedCrowd::release_staging`] is called only when `cmd` has finished, or if it never runs.
+    /// - [`Crowd::release_staging`] is called only when `cmd` has finished, or if it never runs.
     /// - The returned value is dropped only when the device no longer uses it.
     pub unsafe fn create_animated_crowd(
         &self,
@@ -208,10 +207,10 @@ impl MorphEngine {
         mesh: &GpuMesh,
         desc: &CrowdDesc,
         animation: &AnimationDesc<'_>,
-    ) -> Result<AnimatedCrowd> {
+    ) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Animated(&self.device.caps))?;
         // The GPU has the weights: none are requested by the host.
-        let crowd = AnimatedCrowd::on_device(&self.device, &self.kernels, mesh, desc, 0, |context, poses| {
+        let crowd = Crowd::on_device(&self.device, &self.kernels, mesh, desc, 0, |context| {
             // Before they are filled.
             context.check_range(
                 "clips",
@@ -219,10 +218,12 @@ impl MorphEngine {
                 "use fewer frames or 16-bit keys",
             )?;
             let clips = Clips::new(animation, context.layout(), context.grid())?;
-            Ok(Playing { animated: Animated::new(context, clips)?, _poses: poses })
+            Ok(Updater::Clips(Box::new(Animated::new(context, clips)?)))
         })?;
-        // SAFETY: the caller's obligations.
-        unsafe { crowd.animated().upload(cmd) };
+        if let Some(animated) = crowd.animated() {
+            // SAFETY: the caller's obligations.
+            unsafe { animated.upload(cmd) };
+        }
         Ok(crowd)
     }
 }

@@ -1,7 +1,7 @@
 //! Copies poses to host memory, and decodes them.
 
 use super::MorphEngine;
-use super::base::{AnyCrowd, DeviceCrowd};
+use super::base::Crowd;
 use super::views::PoseView;
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::Result;
@@ -76,20 +76,14 @@ impl PoseReadback {
     /// - Everything recorded with this value before has finished, or will never run.
     /// - This value and the crowd live until the device has finished.
     /// - A host buffer of poses has transfer source usage.
-    pub unsafe fn record(
-        &mut self,
-        cmd: vk::CommandBuffer,
-        crowd: &(impl AnyCrowd + ?Sized),
-        instances: &[u32],
-    ) -> Result<()> {
-        let base = crowd.base();
-        base.check_device(&self.device)?;
-        let groups = 0..base.kind.groups.len();
+    pub unsafe fn record(&mut self, cmd: vk::CommandBuffer, crowd: &Crowd, instances: &[u32]) -> Result<()> {
+        crowd.check_device(&self.device)?;
+        let groups = 0..crowd.groups.len();
         let each = instances.iter().flat_map(|&instance| groups.clone().map(move |group| (instance, group)));
-        let views = each.map(|(instance, group)| Ok((instance, group, base.group_pose(instance, group)?)));
+        let views = each.map(|(instance, group)| Ok((instance, group, crowd.group_pose(instance, group)?)));
         let views = views.collect::<Result<Vec<_>>>()?;
         // SAFETY: the caller's obligations.
-        unsafe { self.record_views(cmd, base, &views) }
+        unsafe { self.record_views(cmd, crowd, &views) }
     }
 
     /// Records copies of views of a crowd's poses: instance, group and view.
@@ -100,7 +94,7 @@ impl PoseReadback {
     pub unsafe fn record_views(
         &mut self,
         cmd: vk::CommandBuffer,
-        crowd: &DeviceCrowd,
+        crowd: &Crowd,
         views: &[(u32, usize, PoseView)],
     ) -> Result<()> {
         let (mut bytes, mut regions) = (0, vec![]);
@@ -112,7 +106,7 @@ impl PoseReadback {
         let mut copies = vec![];
         for &(instance, group, view) in views {
             let at = place(view.buffer, view.offset, view.size);
-            let PoseGroup { mesh, poses } = &crowd.kind.groups[group];
+            let PoseGroup { mesh, poses } = &crowd.groups[group];
             copies.push(CopiedPose { instance, group, mesh: mesh.clone(), view, at, grid: poses.grid });
         }
         if bytes > self.bytes || self.buffer.is_none() {

@@ -1,7 +1,7 @@
 //! Updates: planned first, then recorded.
 
 use super::MorphEngine;
-use super::base::{AnyCrowd, DeviceCrowd, Update};
+use super::base::{Crowd, Update};
 use crate::error::{Error, Result, refuse};
 use crate::gpu::barriers;
 use crate::gpu::caps::DeviceCaps;
@@ -30,7 +30,7 @@ impl MorphEngine {
     /// Safety); restoring its own bindings; barriers of its own if other stages than the consumers' read poses.
     ///
     /// # Errors
-    /// A crowd of another engine; fewer [queries](crate::DeviceCrowd::set_queries) than timestamps. Nothing is recorded
+    /// A crowd of another engine; fewer [queries](crate::Crowd::set_queries) than timestamps. Nothing is recorded
     /// then.
     ///
     /// # Safety
@@ -43,20 +43,20 @@ impl MorphEngine {
     ///   later update of the crowd is submitted. Updates recorded after it are discarded with it, and never run either:
     ///   the next update reuses the memory of their lists.
     /// - Including this one, at most [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates of the
-    ///   crowd are recorded but unfinished; of an [`AnimatedCrowd`](crate::AnimatedCrowd) without [steps after the
+    ///   crowd are recorded but unfinished; of one that plays clips without [steps after the
     ///   pose](crate::after), any number.
     /// - After an error or a panic the update does not count as recorded; after a panic `cmd` may contain some of its
     ///   commands, and must not be submitted.
     /// - Engine, mesh and crowd live until the device has finished.
-    pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut (impl AnyCrowd + ?Sized)) -> Result<Update> {
-        let (mut crowds, mut update) = ([crowd.base_mut()], None);
+    pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut Crowd) -> Result<Update> {
+        let (mut crowds, mut update) = ([crowd], None);
         let planned = self.plan(&mut crowds, |planned| update = Some(planned))?;
         // SAFETY: the caller's obligations.
         unsafe { planned.record(&self.device, cmd) };
         update.ok_or_else(|| Error::invalid("an update of an empty list of crowds", "pass at least one"))
     }
 
-    /// Records the updates of several crowds, of either kind, like [`record_update`](Self::record_update) for each.
+    /// Records the updates of several crowds, like [`record_update`](Self::record_update) for each.
     /// They share barriers: one before all, one after all, and in between only those that the longest update needs.
     /// Returns the updates in the order of `crowds`.
     ///
@@ -67,14 +67,9 @@ impl MorphEngine {
     ///
     /// # Safety
     /// See [`record_update`](Self::record_update), for each crowd.
-    pub unsafe fn record_updates(
-        &self,
-        cmd: vk::CommandBuffer,
-        crowds: &mut [&mut dyn AnyCrowd],
-    ) -> Result<Vec<Update>> {
-        let mut crowds: Vec<&mut DeviceCrowd> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
+    pub unsafe fn record_updates(&self, cmd: vk::CommandBuffer, crowds: &mut [&mut Crowd]) -> Result<Vec<Update>> {
         let mut updates = Vec::with_capacity(crowds.len());
-        let planned = self.plan(&mut crowds, |update| updates.push(update))?;
+        let planned = self.plan(crowds, |update| updates.push(update))?;
         // SAFETY: the caller's obligations.
         unsafe { planned.record(&self.device, cmd) };
         Ok(updates)
@@ -83,19 +78,19 @@ impl MorphEngine {
     /// Plans an update of every crowd, and their common schedule.
     pub(super) fn plan<'a, 'b>(
         &self,
-        crowds: &'a mut [&'b mut DeviceCrowd],
+        crowds: &'a mut [&'b mut Crowd],
         mut update: impl FnMut(Update),
     ) -> Result<Planned<'a, 'b>> {
         crowds.iter().try_for_each(|crowd| crowd.check_device(&self.device))?;
         check_families(&self.device.caps, crowds.iter().map(|crowd| crowd.desc().queue_family))?;
         // The schedule's storage is reused.
-        let schedule = crowds.first_mut().map(|crowd| std::mem::take(&mut crowd.kind.schedule)).unwrap_or_default();
+        let schedule = crowds.first_mut().map(|crowd| std::mem::take(&mut crowd.schedule)).unwrap_or_default();
         let mut planned = Planned { crowds, begun: 0, schedule };
         for i in 0..planned.crowds.len() {
             planned.begun = i + 1;
             update(planned.crowds[i].plan()?);
         }
-        planned.schedule.fill(planned.crowds.iter().map(|crowd| &crowd.kind.steps));
+        planned.schedule.fill(planned.crowds.iter().map(|crowd| &crowd.steps));
         Ok(planned)
     }
 }
@@ -118,7 +113,7 @@ fn check_families(caps: &DeviceCaps, families: impl Iterator<Item = Option<u32>>
 
 /// Planned updates that are not yet recorded; dropping it discards them.
 pub(super) struct Planned<'a, 'b> {
-    pub crowds: &'a mut [&'b mut DeviceCrowd],
+    pub crowds: &'a mut [&'b mut Crowd],
     /// Crowds whose planning has begun.
     begun: usize,
     pub schedule: Schedule,
@@ -163,9 +158,9 @@ impl Planned<'_, '_> {
 impl Drop for Planned<'_, '_> {
     fn drop(&mut self) {
         self.crowds[..self.begun].iter_mut().for_each(|crowd| crowd.discard_last());
-        self.crowds.iter_mut().for_each(|crowd| crowd.kind.queries = None);
+        self.crowds.iter_mut().for_each(|crowd| crowd.queries = None);
         if let Some(first) = self.crowds.first_mut() {
-            first.kind.schedule = std::mem::take(&mut self.schedule);
+            first.schedule = std::mem::take(&mut self.schedule);
         }
     }
 }

@@ -76,7 +76,7 @@ pub struct DeviceDesc<'a> {
     pub buffer_device_address: bool,
     /// Whether the instance was created with VK_EXT_debug_utils: buffers, pipelines and descriptor sets then get names,
     /// and updates labels (one around each call that records any, in it one around each
-    /// [step](crate::DeviceCrowd::step_names)), which layers, debuggers and profilers show.
+    /// [step](crate::Crowd::step_names)), which layers, debuggers and profilers show.
     pub debug_names: bool,
     /// Families of the queues that use the engine's objects: those that upload, update and draw. With two or more, all
     /// of the engine's buffers are shared by them (`VK_SHARING_MODE_CONCURRENT`), and ownership is never transferred.

@@ -6,7 +6,7 @@
 //! follows the camera so slowly that nothing pops. [`Importance::apply`] applies it to weights, which any path takes:
 //! with incremental updates, a target that is dropped is one more delta weight, and one that stays dropped costs
 //! nothing. Crowds that are animated on the GPU apply it there
-//! ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)).
+//! ([`Crowd::set_level`](crate::Crowd::set_level)).
 //!
 //! ```
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};

@@ -168,6 +168,12 @@ pub trait InstanceState {
         refuse(what, "use the path blocks or cpu, with a mesh in a block format")
     }
 
+    /// # Errors
+    /// The weights are those of clips.
+    fn check_takes_weights(&self) -> Result<()> {
+        Ok(())
+    }
+
     /// Checks weights against limits beyond those of the mesh.
     ///
     /// # Errors

@@ -7,8 +7,8 @@ use crate::testing;
 use deltamorph::after::DecodeTarget;
 use deltamorph::ash::vk;
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, DeltaFormat, DeviceCaps, HostPoses, PackedMesh, Playback,
-    PoseFormat, Semantic, StreamView, Tolerance, UpdateDesc, VertexLayout,
+    AnimationDesc, Crowd, CrowdDesc, DeltaFormat, DeviceCaps, HostPoses, PackedMesh, Playback, PoseFormat, Semantic,
+    StreamView, Tolerance, UpdateDesc, VertexLayout,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -140,10 +140,10 @@ fn numbers(bytes: &[u8], view: &StreamView, vertices: usize) -> Vec<u32> {
 
 /// Asserts that the streams of all poses in the host's buffer equal those of a crowd with the engine's buffers, and
 /// that nothing else is written. `views`: of an instance in the host's buffer, now and before.
-fn assert_equal<C: AnyCrowd + 'static>(
+fn assert_equal(
     (mesh, heads): (&PackedMesh, u32),
     (host, pose_format): (&Host<'_>, PoseFormat),
-    ours: &mut HeadlessCrowd<'_, C>,
+    ours: &mut HeadlessCrowd<'_>,
     views: impl Fn(u32, Semantic) -> (deltamorph::Result<StreamView>, Option<StreamView>),
     what: &str,
 ) {
@@ -278,7 +278,7 @@ fn heads_that_play_clips_are_written_into_the_hosts_vertices() {
                 let bytes = place.0.pose_bytes(mesh.layout()) * 3 * 2;
                 let in_host = Host::new(&host, headless, place, bytes);
                 let clips = [head_clip(&head_desc(), 40, 30.0)];
-                let made = |desc: CrowdDesc| -> HeadlessCrowd<'_, AnimatedCrowd> {
+                let made = |desc: CrowdDesc| -> HeadlessCrowd<'_> {
                     let animation = AnimationDesc::new(&clips);
                     let mut crowd = HeadlessCrowd::animated(headless, &mesh, &desc, &animation).expect("a crowd");
                     (0..3).for_each(|i| {

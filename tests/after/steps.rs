@@ -14,8 +14,8 @@ use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::PostMorphPass;
 use deltamorph::reference::{self, compare};
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, Consumers, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, KeptMesh, PackedMesh,
-    Playback, PoseFormat, Result, Tolerance, UpdateDesc, UpdatePath,
+    AnimationDesc, BatchSize, Consumers, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, KeptMesh, PackedMesh, Playback,
+    PoseFormat, Result, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, Rng, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -184,12 +184,7 @@ impl<'a> Rig<'a> {
         Self { headless, mesh: mesh.clone(), source, target, outputs, held, skinned, surface, worst: (0.0, 0.0) }
     }
 
-    fn try_set<C: AnyCrowd + 'static>(
-        &self,
-        crowd: &mut HeadlessCrowd<'_, C>,
-        instance: u32,
-        target: Target,
-    ) -> Result<()> {
+    fn try_set(&self, crowd: &mut HeadlessCrowd<'_>, instance: u32, target: Target) -> Result<()> {
         // SAFETY: the buffers are large enough, or it is refused; they live as long as the crowd; nothing is running.
         unsafe {
             match &target {
@@ -205,7 +200,7 @@ impl<'a> Rig<'a> {
         }
     }
 
-    fn set<C: AnyCrowd + 'static>(&self, crowd: &mut HeadlessCrowd<'_, C>, instance: u32) {
+    fn set(&self, crowd: &mut HeadlessCrowd<'_>, instance: u32) {
         self.try_set(crowd, instance, self.target).expect("a target");
     }
 

@@ -6,8 +6,8 @@ use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
-    AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, GpuMesh, KeptMesh, MorphEngine, POSE_FLOATS, PackDesc,
-    PackedMesh, PoseError, PoseFormat, UpdateDesc, UpdatePath, WeightClip,
+    BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, GpuMesh, KeptMesh, MorphEngine, POSE_FLOATS, PackDesc, PackedMesh,
+    PoseError, PoseFormat, UpdateDesc, UpdatePath, WeightClip,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use std::slice::from_mut;
@@ -158,11 +158,11 @@ pub fn complaints(headless: &Headless) -> Vec<String> {
 
 /// Asserts that synchronization validation of lavapipe reports a missing barrier of an update: `make` makes a crowd
 /// that has shown a pose, `leave_out` selects the barrier.
-pub fn assert_validation_sees_dropped<C: AnyCrowd + 'static>(
+pub fn assert_validation_sees_dropped(
     what: &str,
     weights: &[&[f32]],
     mut leave_out: impl FnMut(&Barrier) -> bool,
-    make: impl for<'a> FnOnce(&'a Headless) -> HeadlessCrowd<'a, C>,
+    make: impl for<'a> FnOnce(&'a Headless) -> HeadlessCrowd<'a>,
 ) {
     let headless = device("llvmpipe", true, None);
     let mut crowd = make(&headless);
@@ -283,14 +283,11 @@ pub fn assert_right(crowd: &mut HeadlessCrowd<'_>, instance: u32, mesh: &PackedM
 }
 
 /// Steps a crowd; also returns the recording as the hazard checker sees it.
-pub fn recorded<C: AnyCrowd + 'static>(
-    crowd: &mut HeadlessCrowd<'_, C>,
-    weights: &[&[f32]],
-) -> (Step, Vec<Entry>, Vec<Event>) {
+pub fn recorded(crowd: &mut HeadlessCrowd<'_>, weights: &[&[f32]]) -> (Step, Vec<Entry>, Vec<Event>) {
     let mut list = vec![];
     // SAFETY: nothing is changed.
     let step = unsafe { HeadlessCrowd::step_tampered(from_mut(crowd), weights, |entries| list.clone_from(entries)) };
-    let events = trace(&list, |_, works| accesses(crowd.crowd().base(), works));
+    let events = trace(&list, |_, works| accesses(crowd.crowd(), works));
     (step.expect("a step"), list, events)
 }
 

@@ -14,7 +14,7 @@ use deltamorph::internals::plan::steps::PostMorphPass;
 use deltamorph::internals::plan::steps::{Access, Owner, Resource, Scope, Source, Stage, Use, Work};
 use deltamorph::internals::update::animated::{Animated, AnimatedKernel};
 use deltamorph::internals::update::blocks::{BlocksTechnique, Item};
-use deltamorph::{DeviceCrowd, UpdatePath};
+use deltamorph::{Crowd, UpdatePath};
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
 
@@ -88,7 +88,7 @@ impl Accesses {
 }
 
 /// Reads and writes of the works of a step that `crowd` has planned last.
-pub fn accesses(crowd: &DeviceCrowd, works: &[Work]) -> Vec<Accesses> {
+pub fn accesses(crowd: &Crowd, works: &[Work]) -> Vec<Accesses> {
     let technique: &dyn Any = crowd.technique();
     let path = crowd.desc().update.path;
     if let Owner::Step(kind) = works[0].owner {

@@ -1,6 +1,5 @@
 //! Reads back plans of the GPU.
 
-use deltamorph::AnimatedCrowd;
 use deltamorph::internals::abi::push::AnimationPush;
 use deltamorph::internals::abi::worklist::{TILE_WORDS, WIDTHS};
 use deltamorph_headless::HeadlessCrowd;
@@ -22,13 +21,13 @@ pub struct PlannedGroup {
 }
 
 /// The last update's plans of the first group.
-pub fn read_plan(crowd: &mut HeadlessCrowd<'_, AnimatedCrowd>) -> Vec<PlannedGroup> {
-    let lists = crowd.crowd().animated().groups[0].layout.lists();
+pub fn read_plan(crowd: &mut HeadlessCrowd<'_>) -> Vec<PlannedGroup> {
+    let lists = crowd.crowd().animated().expect("a crowd that plays clips").groups[0].layout.lists();
     (0..lists).map(|list| read_list(crowd, list)).collect()
 }
 
-fn read_list(crowd: &mut HeadlessCrowd<'_, AnimatedCrowd>, list: u32) -> PlannedGroup {
-    let group = &crowd.crowd().animated().groups[0];
+fn read_list(crowd: &mut HeadlessCrowd<'_>, list: u32) -> PlannedGroup {
+    let group = &crowd.crowd().animated().expect("a crowd that plays clips").groups[0];
     let layout = &group.layout;
     let AnimationPush { chunks, workgroup_items, .. } = layout.push;
     let (set, run) = layout.get(list);

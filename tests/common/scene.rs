@@ -12,8 +12,8 @@ use deltamorph::internals::update::blocks::WorkList;
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback,
-    PoseFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
+    AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback, PoseFormat,
+    Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -77,7 +77,7 @@ pub type Plan = BTreeMap<(u32, u32), Work>;
 pub struct Scene<'a> {
     /// Most instances in a tile.
     widest: u32,
-    pub crowd: HeadlessCrowd<'a, AnimatedCrowd>,
+    pub crowd: HeadlessCrowd<'a>,
     pub mesh: Arc<PackedMesh>,
     desc: CrowdDesc,
     heads: Playbacks,

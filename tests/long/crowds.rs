@@ -11,8 +11,8 @@ use deltamorph::lod::Importance;
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::compare;
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc,
-    PackedMesh, Playback, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
+    AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc, PackedMesh, Playback,
+    PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
 };
 use deltamorph_head::Rng;
 use deltamorph_headless::Headless;
@@ -29,7 +29,7 @@ const MADE_ANEW: usize = 512;
 #[derive(Default)]
 pub struct Loose {
     _crowds: Vec<Crowd>,
-    _animated: Vec<AnimatedCrowd>,
+    _animated: Vec<Crowd>,
 }
 
 fn count(counts: &mut Counts, what: &'static str) {
@@ -187,7 +187,7 @@ impl<'a> Weighted<'a> {
 /// A crowd that plays clips on the GPU, and its twin.
 pub struct Animated<'a> {
     headless: &'a Headless,
-    pub crowd: AnimatedCrowd,
+    pub crowd: Crowd,
     mesh: GpuMesh,
     source: Arc<PackedMesh>,
     clips: Vec<WeightClip>,

@@ -8,7 +8,7 @@ mod crowds;
 
 use crate::gpu;
 use crowds::{Animated, Loose, Weighted};
-use deltamorph::{AnyCrowd, DeltaFormat, Error, PoseFormat, UpdateDesc};
+use deltamorph::{Crowd, DeltaFormat, Error, PoseFormat, UpdateDesc};
 use deltamorph_head::Rng;
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::collections::BTreeMap;
@@ -125,8 +125,7 @@ fn record(
     weighted: &mut [Weighted<'_>],
     animated: &mut Animated<'_>,
 ) -> deltamorph::Result<Vec<deltamorph::Update>> {
-    let mut all: Vec<&mut dyn AnyCrowd> =
-        weighted.iter_mut().map(|this| &mut this.crowd as &mut dyn AnyCrowd).collect();
+    let mut all: Vec<&mut Crowd> = weighted.iter_mut().map(|this| &mut this.crowd).collect();
     all.push(&mut animated.crowd);
     // SAFETY: the buffer records on the engine's device; it is waited for, or never runs and its updates are discarded.
     unsafe { headless.engine().record_updates(cmd, &mut all) }

@@ -17,7 +17,7 @@ const ROOMS: &[(&str, &str)] = &[
     ("pack", "error math names io asset weights abi"),
     ("lod", "error math asset weights pack"),
     ("plan", "error math abi pack"),
-    ("crowd", "error pack plan"),
+    ("crowd", ""),
     ("gpu", "error abi pack plan"),
     ("update", "error weights abi pack lod plan gpu"),
     ("cpu", "error asset weights abi pack plan crowd update"),

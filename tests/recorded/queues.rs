@@ -12,8 +12,8 @@ use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::Stage;
 use deltamorph::reference::compare;
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh,
-    Playback, PoseFormat, PoseView, UpdateDesc, UpdatePath,
+    AnimationDesc, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, Playback,
+    PoseFormat, PoseView, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::Headless;
 
@@ -137,7 +137,7 @@ fn frames(
             let keep = |entries: &mut Vec<Entry>| list.clone_from(entries);
             // SAFETY: the buffer is recording, and runs once and in order; nothing is changed; crowd and engine outlive
             // it.
-            unsafe { engine.record_tampered(cmd, &mut [crowd as &mut dyn AnyCrowd], keep) }.expect("an update")
+            unsafe { engine.record_tampered(cmd, &mut [crowd], keep) }.expect("an update")
         });
         let events = trace(&list, |_, works| accesses(crowd, works));
         // Draws are submitted as late as possible.

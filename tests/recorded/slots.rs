@@ -6,7 +6,7 @@ use crate::offscreen::Offscreen;
 use crate::testing;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::{AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc};
+use deltamorph::{AnimationDesc, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc};
 use deltamorph_head::Rng;
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
@@ -22,7 +22,7 @@ struct Places {
     skinned: Option<(vk::Buffer, u64)>,
 }
 
-fn places(crowd: &AnimatedCrowd) -> Places {
+fn places(crowd: &Crowd) -> Places {
     let pose = |i| crowd.pose(i).ok().map(|pose| pose.slot);
     let previous = |i| crowd.previous_pose(i).ok().flatten().map(|pose| pose.slot);
     let poses = (0..INSTANCES).map(|i| [pose(i), previous(i)]).collect();
@@ -55,7 +55,7 @@ fn assert_waits_for_enough(slots: usize, before: &Places, now: &Places, drawn: &
 
 /// Runs a random history of updates, of which several are discarded at once, with instances hidden, shown, cut, added
 /// and removed.
-fn follow(mut crowd: HeadlessCrowd<'_, AnimatedCrowd>, slots: usize) {
+fn follow(mut crowd: HeadlessCrowd<'_>, slots: usize) {
     let what = format!("{slots} slots");
     let mut time = 0.0;
     let (mut rng, mut drawn, mut waiting, mut hidden) = (Rng::new(slots as u64, 7), vec![], vec![], vec![]);

@@ -7,8 +7,7 @@ use crate::testing;
 use deltamorph::after::DecodeTarget;
 use deltamorph::ash::{self, vk};
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCrowd, DeviceDesc, MorphEngine, Playback,
-    UpdateDesc, UpdatePath,
+    AnimationDesc, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, Playback, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::Headless;
 use std::cell::{Cell, RefCell};
@@ -130,7 +129,7 @@ const QUERIES: u32 = 10;
 fn frames(
     headless: &Headless,
     engine: &MorphEngine,
-    mut with_queries: impl FnMut(vk::CommandBuffer, [&mut DeviceCrowd; 3]),
+    mut with_queries: impl FnMut(vk::CommandBuffer, [&mut Crowd; 3]),
 ) -> Vec<Frame> {
     let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
     let decoded = host.shared(300 * 12, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
@@ -159,13 +158,13 @@ fn frames(
         let log = headless.run(|cmd| {
             with_queries(cmd, [&mut blocks, &mut dense, &mut animated]);
             LOG.take();
-            let mut all: [&mut dyn AnyCrowd; 3] = [&mut blocks, &mut dense, &mut animated];
+            let mut all: [&mut Crowd; 3] = [&mut blocks, &mut dense, &mut animated];
             // SAFETY: as above.
             let updates = unsafe { engine.record_updates(cmd, if frame < 3 { &mut all } else { &mut all[..2] }) }?;
             let log = LOG.take();
             let steps = [blocks.step_names().collect(), dense.step_names().collect(), animated.step_names().collect()];
             let steps = updates.iter().map(|update| update.timestamps).zip(steps).collect();
-            let all: [&dyn AnyCrowd; 3] = [&blocks, &dense, &animated];
+            let all: [&Crowd; 3] = [&blocks, &dense, &animated];
             // SAFETY: as above, and after the updates.
             readback.iter_mut().zip(all).try_for_each(|(copy, crowd)| unsafe { copy.record(cmd, crowd, &[0]) })?;
             Ok((log, steps))

@@ -1,10 +1,10 @@
 //! Steps after the pose.
 
 use super::HeadlessCrowd;
+use deltamorph::Result;
 use deltamorph::after::{DecodeTarget, GpuNormals, GpuSkin, NormalsTarget, SkinTarget};
-use deltamorph::{AnyCrowd, Result};
 
-impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
+impl HeadlessCrowd<'_> {
     /// See [`MorphEngine::set_decode_target`](deltamorph::MorphEngine::set_decode_target).
     ///
     /// # Safety
@@ -38,6 +38,6 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
 
     /// See [`Crowd::set_joints`](deltamorph::Crowd::set_joints).
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
-        self.crowd.base_mut().set_joints(instance, offset)
+        self.crowd.set_joints(instance, offset)
     }
 }

@@ -4,9 +4,9 @@ use super::HeadlessCrowd;
 use crate::wait::full_barrier;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::push::AnimationPush;
-use deltamorph::{AnimatedCrowd, AnyCrowd, PoseView, Result};
+use deltamorph::{Error, PoseView, Result};
 
-impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
+impl HeadlessCrowd<'_> {
     /// Reads an instance's pose back: six floats per vertex, in the user's vertex order, without padding. On a direct
     /// path it is captured from a draw.
     ///
@@ -21,7 +21,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// Those of [`draw`](Self::draw).
     pub fn read_previous_pose(&mut self, instance: u32) -> Result<Option<Vec<f32>>> {
-        let view = self.crowd.base().previous_group_pose(instance, 0)?;
+        let view = self.crowd.previous_group_pose(instance, 0)?;
         view.map(|view| self.read_view(view, 0)).transpose()
     }
 
@@ -32,7 +32,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// Those of [`read_pose`](Self::read_pose); a group out of range.
     pub fn read_group(&mut self, instance: u32, group: usize) -> Result<(Vec<f32>, Option<Vec<f32>>)> {
         let pose = self.read_group_pose(instance, group)?;
-        let previous = self.crowd.base().previous_group_pose(instance, group)?;
+        let previous = self.crowd.previous_group_pose(instance, group)?;
         Ok((pose, previous.map(|view| self.read_view(view, group)).transpose()?))
     }
 
@@ -41,7 +41,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// Those of [`draw`](Self::draw); a path without pose buffers; a group out of range.
     pub fn read_stored(&mut self, instance: u32, group: usize) -> Result<Vec<u8>> {
-        let view = self.crowd.base().group_pose(instance, group)?;
+        let view = self.crowd.group_pose(instance, group)?;
         self.read((view.buffer, view.offset, view.size))
     }
 
@@ -51,7 +51,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// The device fails.
     pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
-        let Some((buffer, offset)) = self.crowd.base().sums(instance) else { return Ok(None) };
+        let Some((buffer, offset)) = self.crowd.sums(instance) else { return Ok(None) };
         self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
     }
 
@@ -61,7 +61,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// Those of [`read_pose`](Self::read_pose); a group out of range.
     pub fn read_group_pose(&mut self, instance: u32, group: usize) -> Result<Vec<f32>> {
-        let base = self.crowd.base();
+        let base = &self.crowd;
         let view = match base.draws(group) {
             Some(draws) => {
                 base.slots_of(instance)?;
@@ -81,7 +81,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
             // Also used after captures, and after updates from which a test removed a barrier.
             full_barrier(&headless.submitter.device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
             // SAFETY: the buffer is recording on the engine's device; `run` waits.
-            unsafe { poses.record_views(cmd, crowd.base(), &[(0, group, view)]) }
+            unsafe { poses.record_views(cmd, crowd, &[(0, group, view)]) }
         })?;
         // SAFETY: as above.
         let mut read = unsafe { poses.decoded() }?;
@@ -96,16 +96,15 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     pub fn read<T: bytemuck::Pod>(&mut self, range: (vk::Buffer, u64, u64)) -> Result<Vec<T>> {
         self.readback.read(&self.headless.submitter, range)
     }
-}
 
-impl HeadlessCrowd<'_, AnimatedCrowd> {
     /// Reads an instance's weights on the GPU, in steps of the grid.
     ///
     /// # Errors
-    /// The device fails.
+    /// A crowd that plays no clips; the device fails.
     #[doc(hidden)]
     pub fn read_weights(&mut self, instance: u32) -> Result<Vec<i32>> {
-        let animated = self.crowd.animated();
+        let none = || Error::invalid("a crowd that plays no clips", "make it with create_animated_crowd");
+        let animated = self.crowd.animated().ok_or_else(none)?;
         let AnimationPush { weights_at, targets, .. } = animated.groups[0].layout.push;
         let first = u64::from(weights_at) + u64::from(instance) * u64::from(targets);
         self.read((animated.state.raw, 4 * first, 4 * u64::from(targets)))

@@ -2,13 +2,13 @@
 
 use super::{Draws, HeadlessCrowd};
 use deltamorph::ash::vk;
-use deltamorph::{AnyCrowd, Error, Result};
+use deltamorph::{Error, Result};
 use std::slice::from_mut;
 
 /// More than any update has steps.
 const QUERIES: u32 = 256;
 
-impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
+impl HeadlessCrowd<'_> {
     /// Updates as [`step`](Self::step) without weights does, and returns the name of each step with its device time in
     /// milliseconds; none without timestamps.
     ///
@@ -28,7 +28,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
             // lives until that has ended.
             unsafe {
                 device.cmd_reset_query_pool(cmd, pool, 0, QUERIES);
-                crowds[0].base_mut().set_queries(pool, 0, QUERIES);
+                crowds[0].set_queries(pool, 0, QUERIES);
                 headless.engine.record_updates(cmd, crowds)
             }
         });
@@ -39,7 +39,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
                 unsafe { device.get_query_pool_results(pool, 0, &mut at, vk::QueryResultFlags::TYPE_64) }
                     .map_err(Error::vulkan("vkGetQueryPoolResults"))?;
             }
-            let names = self.crowd.base().step_names();
+            let names = self.crowd.step_names();
             Ok(names.zip(at.windows(2)).map(|(name, at)| (name, headless.submitter.ms(at[0], at[1]))).collect())
         });
         // SAFETY: the step has waited for the only use.

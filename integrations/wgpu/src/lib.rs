@@ -45,9 +45,7 @@ pub use deltamorph::{self, Error, Result};
 pub use input::{POSE_WGSL, VertexInput};
 
 use deltamorph::ash::{self, vk};
-use deltamorph::{
-    AnyCrowd, Consumers, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackDesc, PackedLayout, PackedMesh, Update,
-};
+use deltamorph::{Consumers, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackDesc, PackedLayout, PackedMesh, Update};
 use std::any::Any;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use submission::{Flight, Submission};
@@ -191,7 +189,7 @@ impl Morph {
     /// A crowd belongs to another `Morph`; an earlier update was neither submitted nor dropped, which must happen
     /// first; there is no memory.
     pub fn update<'a>(&self, crowds: impl IntoIterator<Item = &'a mut Crowd>) -> Result<Option<wgpu::CommandBuffer>> {
-        let record = |cmd, crowds: &mut [&mut dyn AnyCrowd]| {
+        let record = |cmd, crowds: &mut [&mut deltamorph::Crowd]| {
             // SAFETY: the command buffer is recording, on a queue with graphics and compute, with nothing else in it.
             // If it never runs, or out of order, `Crowd::make_room` discards the update before another is recorded. The
             // `Flight` keeps everything that it uses alive.
@@ -215,7 +213,7 @@ impl Morph {
         crowds: impl IntoIterator<Item = &'a mut Crowd>,
         tamper: impl FnOnce(&mut Vec<deltamorph::internals::plan::schedule::Entry>),
     ) -> Result<Option<wgpu::CommandBuffer>> {
-        let record = |cmd, crowds: &mut [&mut dyn AnyCrowd]| {
+        let record = |cmd, crowds: &mut [&mut deltamorph::Crowd]| {
             // SAFETY: the caller's obligations.
             unsafe { self.engine.record_tampered(cmd, crowds, tamper) }
         };
@@ -230,7 +228,7 @@ impl Morph {
     unsafe fn update_by<'a>(
         &self,
         crowds: impl IntoIterator<Item = &'a mut Crowd>,
-        record: impl FnOnce(vk::CommandBuffer, &mut [&mut dyn AnyCrowd]) -> Result<Vec<Update>>,
+        record: impl FnOnce(vk::CommandBuffer, &mut [&mut deltamorph::Crowd]) -> Result<Vec<Update>>,
     ) -> Result<Option<wgpu::CommandBuffer>> {
         let mut crowds: Vec<&mut Crowd> = crowds.into_iter().collect();
         // Runs the callbacks that report finished work. The result is of no further use.
@@ -241,7 +239,7 @@ impl Morph {
         let updates = {
             let shared: Vec<_> = crowds.iter().map(|crowd| crowd.shared().clone()).collect();
             let mut locked: Vec<_> = shared.iter().map(|crowd| lock(crowd)).collect();
-            let mut borrowed: Vec<_> = locked.iter_mut().map(|crowd| &mut **crowd as &mut dyn AnyCrowd).collect();
+            let mut borrowed: Vec<_> = locked.iter_mut().map(|crowd| &mut **crowd).collect();
             record(cmd, &mut borrowed)?
         };
         if updates.iter().all(|update| update.stats.passes == 0) {

@@ -26,7 +26,7 @@ pub struct AnimationDesc<'a> {
     pub clips: &'a [WeightClip],
     /// Storage of keys.
     pub key_format: KeyFormat,
-    /// Order of targets for levels of detail ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)); `None`:
+    /// Order of targets for levels of detail ([`Crowd::set_level`](crate::Crowd::set_level)); `None`:
     /// all targets are always kept.
     pub importance: Option<&'a Importance>,
 }
@@ -49,7 +49,7 @@ struct Clip {
 }
 
 /// The clips of an animated crowd as uploaded, with keys rounded to the grid of fixed-point poses. Returned by
-/// [`AnimatedCrowd::clips`](crate::AnimatedCrowd::clips), to query lengths and rounding; created by
+/// [`Crowd::clips`](crate::Crowd::clips), to query lengths and rounding; created by
 /// [`MorphEngine::create_animated_crowd`](crate::MorphEngine::create_animated_crowd).
 ///
 /// The words that kernels read:

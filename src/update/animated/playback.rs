@@ -240,6 +240,10 @@ impl Playbacks {
 }
 
 impl InstanceState for Playbacks {
+    fn check_takes_weights(&self) -> Result<()> {
+        refuse("weights of a crowd that plays clips", "play a clip, or make the crowd with create_crowd")
+    }
+
     fn set_hidden(&mut self, instance: u32, hidden: bool) {
         let record = &mut self.records[instance as usize];
         if record.has(HIDDEN) != hidden {

@@ -31,7 +31,7 @@ pub const TICKS_PER_SECOND: f64 = 65_536.0;
 pub struct Playback {
     /// Index of the clip.
     pub clip: u32,
-    /// Start time in seconds, on the clock of [`AnimatedCrowd::set_time`](crate::AnimatedCrowd::set_time). The first
+    /// Start time in seconds, on the clock of [`Crowd::set_time`](crate::Crowd::set_time). The first
     /// frame is shown before it.
     pub start: f64,
     /// Playback speed; 1 is the clip's own, negative plays backwards.
