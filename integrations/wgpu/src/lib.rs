@@ -45,7 +45,9 @@ pub use deltamorph::{self, Error, Result};
 pub use input::{POSE_WGSL, VertexInput};
 
 use deltamorph::ash::{self, vk};
-use deltamorph::{Consumers, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackDesc, PackedLayout, PackedMesh, Update};
+use deltamorph::{
+    Consumers, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackDesc, PackedLayout, PackedMesh, Update,
+};
 use std::any::Any;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use submission::{Flight, Submission};
