@@ -1,7 +1,7 @@
 //! The engine on devices, one module for each subject. It is one program, since each links the whole engine.
 
-#[path = "common/character.rs"]
-mod character;
+#[path = "common/buffers.rs"]
+mod buffers;
 #[path = "common/data.rs"]
 mod data;
 #[allow(dead_code, reason = "this program writes less than the tests of the reader do")]
@@ -15,16 +15,10 @@ mod hazards;
 mod host;
 #[path = "common/joints.rs"]
 mod joints;
-#[path = "common/numbers.rs"]
-mod numbers;
-#[path = "common/offscreen.rs"]
-mod offscreen;
 #[path = "common/planned.rs"]
 mod planned;
 #[path = "common/scene.rs"]
 mod scene;
-#[path = "common/skinned.rs"]
-mod skinned;
 #[path = "common/testing.rs"]
 mod testing;
 #[path = "common/twin.rs"]

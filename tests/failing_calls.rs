@@ -1,8 +1,8 @@
 //! Every Vulkan call of every operation of the library fails, one at a time, with each error that it may return: the
 //! error names the call and a remedy, nothing leaks, the same operation succeeds afterwards, and poses are right.
 
+use crate::buffers::Buffers;
 use crate::gpu;
-use crate::offscreen::Offscreen;
 use crate::testing;
 use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
@@ -12,7 +12,7 @@ use deltamorph::{
     PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
-use deltamorph_headless::{Headless, HeadlessCrowd};
+use deltamorph_headless::Headless;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -286,7 +286,7 @@ fn steps_after_the_pose_are_set_or_not() {
 }
 
 fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
-    let (engine, host) = (&lab.engine(), Offscreen::new(lab.headless, 1, vk::Format::R8G8B8A8_UNORM).expect("a host"));
+    let (engine, host) = (&lab.engine(), Buffers::new(lab.headless));
     let mesh = &packed(engine, format);
     let corners: Vec<u32> = (0..VERTICES as u32 / 3 * 3).collect();
     let (joints, shares) = (vec![0; 4 * VERTICES], [1.0, 0.0, 0.0, 0.0].repeat(VERTICES));
@@ -300,7 +300,7 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
     lab.each(&format!("upload_skin, {kind}"), || (), |(), cmd| upload_skin(cmd), |(), _| ());
     let normals = lab.headless.run(upload_normals).expect("an upload");
     let skin = lab.headless.run(upload_skin).expect("an upload");
-    let buffer = host.shared(1 << 16, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+    let buffer = host.shared(1 << 16).buffer;
     let set = |name: &str, set: &dyn Fn(&MorphEngine, &mut Crowd) -> Result<()>| {
         lab.each(
             &format!("{name}, {kind}"),
@@ -326,7 +326,7 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
     let target = NormalsTarget::new(buffer);
     // SAFETY: as above.
     set("set_normals_target", &|e, crowd| unsafe { e.set_normals_target(crowd, 0, Some((&normals, &target))) });
-    let joints = host.shared(48, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+    let joints = host.shared(48).buffer;
     let target = SkinTarget::new(buffer, joints, 48);
     // SAFETY: as above.
     set("set_skin_target", &|e, crowd| unsafe { e.set_skin_target(crowd, 0, Some((&skin, &target))) });
@@ -360,75 +360,4 @@ fn animated(lab: &Lab<'_>) {
             }
         },
     );
-}
-
-/// Makes, steps and reads a crowd, with one call failing; failed operations are retried, until the device is lost.
-fn headless_run(
-    (headless, control): &(Headless, Control),
-    mesh: &PackedMesh,
-    update: UpdateDesc,
-    error: Vk,
-    wrong: &mut BTreeSet<String>,
-) {
-    let mut attempt = |failed: Error| -> Option<()> {
-        wrong.extend(wrong_with(&failed, control.counts().call(), error));
-        (error != Vk::ERROR_DEVICE_LOST).then_some(())
-    };
-    let mut steps = || -> Option<()> {
-        let new = || HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(update));
-        let mut crowd = match new() {
-            Err(e) => attempt(e).map(|()| new().expect("a crowd"))?,
-            Ok(crowd) => crowd,
-        };
-        for frame in 0..3 {
-            let weights = weights(frame);
-            if let Err(e) = crowd.step(&[&weights]) {
-                attempt(e)?;
-                crowd.step(&[&weights]).expect("a step");
-            }
-            let pose = match crowd.read_pose(0) {
-                Err(e) => attempt(e).map(|()| crowd.read_pose(0).expect("a pose"))?,
-                Ok(pose) => pose,
-            };
-            let off = compare(&pose, &evaluate(mesh, &weights)).position;
-            assert!(off <= 1e-4 * f64::from(mesh.layout().diagonal), "off by {off} after {}", control.counts().call());
-        }
-        Some(())
-    };
-    steps();
-}
-
-#[test]
-fn headless_crowds_are_made_stepped_and_read_or_not() {
-    with_layer("headless_crowds_are_made_stepped_and_read_or_not", || {
-        let (mut failures, mut wrong) = (0, BTreeSet::new());
-        for (_, format, update) in kinds() {
-            let mut made = device(false);
-            for error in ERRORS {
-                for at in 1.. {
-                    if error == Vk::ERROR_DEVICE_LOST {
-                        drop(made);
-                        made = device(false);
-                    }
-                    let (headless, control) = &made;
-                    let mesh = packed(headless.engine(), format);
-                    control.arm(&format!("*:{at}:{error:?}"));
-                    let alive = control.counts().alive;
-                    headless_run(&made, &mesh, update, error, &mut wrong);
-                    let counts = control.counts();
-                    control.arm("");
-                    // The engine keeps kernels.
-                    assert!(counts.alive >= alive && counts.unknown + counts.leaked == 0, "{counts:?}");
-                    if counts.failed == 0 {
-                        break;
-                    }
-                    failures += 1;
-                }
-            }
-        }
-        // The next device reports leaks of the last one.
-        assert_eq!(device(false).1.counts().leaked, 0);
-        assert_none(wrong);
-        println!("{failures} failures");
-    });
 }

@@ -119,9 +119,10 @@ fn arrays_may_hold_differences_or_the_target_itself() {
 }
 
 #[test]
-fn streams_and_welds_that_do_not_fit_are_named() {
+fn what_is_no_mesh_is_refused_with_its_place() {
     type Case<'a> = (&'a dyn Fn(&mut Mesh), &'a str);
-    let cases: [Case<'_>; 14] = [
+    let cases: [Case<'_>; 24] = [
+        (&|s| s.origin.y = f32::NAN, "an origin of"),
         (&|s| s.streams[0].values.truncate(20), "stream 'tangent': 20 numbers for 6 vertices; give 4"),
         (&|s| s.streams[0].values[9] = f32::NAN, "the tangent of vertex 2 is [0.0, NaN, 0.0, -1.0]; replace"),
         (&|s| s.streams[0].values[9] = 1.1, "the tangent of vertex 2 is [0.0, 1.1, 0.0, -1.0]; normalise"),
@@ -136,12 +137,35 @@ fn streams_and_welds_that_do_not_fit_are_named() {
         (&|s| s.welds = vec![0, 1, 1, 3, 4, 5], "vertex 2 is welded to vertex 1, but their positions differ in some"),
         (&|s| s.welds = vec![1, 1, 2, 3, 4, 5], "vertex 0 is welded to vertex 1, which is not the first at its"),
         (&|s| s.welds = vec![0; 5], "5 welds for 6 vertices"),
+        (&|s| s.targets.push(s.targets[0].clone()), "targets 0 and 1 are both called 'up'"),
+        (&|s| s.positions.clear(), "no vertex"),
+        (&|s| s.positions[2].y = f32::NAN, "vertex 2"),
+        (&|s| (s.positions[3].x, s.positions[4].x) = (f32::MAX, f32::MIN), "scale the mesh down"),
+        (&|s| s.targets[0].positions = vec![(6, Vec3::X)], "'up': a position delta of vertex 6, there are 6"),
+        (&|s| s.targets[0].positions = vec![(1, Vec3::X), (1, Vec3::X)], "vertex 1 comes after vertex 1"),
+        (&|s| s.targets[0].positions = vec![(1, Vec3::INFINITY)], "position delta of vertex 1"),
+        (&|s| s.normals = Some(vec![Vec3::Z]), "1 normals for 6 vertices"),
+        (&|s| s.normals = Some(vec![Vec3::ZERO; 6]), "the normal of vertex 0"),
     ];
     for (change, expected) in cases {
         let mut source = fold();
         change(&mut source);
         let message = source.kept(Tolerance::default()).unwrap_err().to_string();
         assert!(message.starts_with("fold: ") && message.contains(expected), "{message}");
+    }
+    let [mut torn, mut short, mut worn] = [fold(), fold(), fold()];
+    (torn.faces.corners[0].position, short.faces.sizes[0]) = (9, 2);
+    worn.faces.corners[0].texcoord = Some(9);
+    for (refused, expected) in [
+        (torn.kept(Tolerance::default()).map(drop), "vertex 9, there are 6"),
+        (worn.kept(Tolerance::default()).map(drop), "texture coordinate 9, there are 5"),
+        (short.kept(Tolerance::default()).map(drop), "corners"),
+        (torn.split().map(drop), "vertex 9"),
+        (torn.weld().map(drop), "vertex 9"),
+        (short.faces.render_vertices(&short.positions, &short.texcoords).map(drop), "corners"),
+        (short.kept(Tolerance { position: -1.0, normal: 0.0 }).map(drop), "position tolerance is -1"),
+    ] {
+        crate::testing::says(refused, &[expected]);
     }
 }
 

@@ -187,7 +187,9 @@ fn misuse_is_an_error_that_says_what_to_do() {
     let make = |format, desc| crowd(format, desc, 1).map(drop);
     let cpu = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
     let exact = UpdateDesc { pose: PoseFormat::Fixed32, ..cpu };
-    let set = |desc, instance, weights| crowd(DeltaFormat::Small, desc, 1).unwrap().set_weights(instance, weights);
+    let short = UpdateDesc { pose: PoseFormat::Fixed16, ..cpu };
+    let set =
+        |desc, instance, weights: &[f32]| crowd(DeltaFormat::Small, desc, 1).unwrap().set_weights(instance, weights);
     for (result, words) in [
         (make(DeltaFormat::Float32, exact), &["fixed32 poses of float32 deltas", "pack in blocks"][..]),
         (
@@ -200,11 +202,20 @@ fn misuse_is_an_error_that_says_what_to_do() {
             crowd(DeltaFormat::Float32, UpdateDesc { slots: 64, ..cpu }, u32::MAX).map(drop),
             &["more than there is memory; use fewer instances"],
         ),
+        (make(DeltaFormat::Fast, UpdateDesc { weight_max: Some(256.0), ..short }), &["256", "fixed32"]),
+        (
+            make(DeltaFormat::Fast, UpdateDesc { weight_max: Some(1e6), ..exact }),
+            &["1000000", "smaller largest weight"],
+        ),
         (set(exact, 0, &[0.0, 4.5, 0.0]), &["'target_1') is 4.5", "-4 to 4"]),
+        (set(short, 0, &[0.0, 1.01, 0.0]), &["from -1 to 1", "larger weight_max"]),
         (set(cpu, 0, &[f32::INFINITY, 0.0, 0.0]), &["'target_0') is inf"]),
         (set(cpu, 3, &[0.0; 3]), &["instance 3 of a crowd of 1"]),
     ] {
         testing::says(result, words);
+    }
+    for (desc, most) in [(exact, 4.0), (short, 1.0), (UpdateDesc { weight_max: Some(2.5), ..short }, 2.5)] {
+        set(desc, 0, &[0.0, most, -most]).expect("the largest weights");
     }
 }
 

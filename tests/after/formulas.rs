@@ -1,14 +1,14 @@
 //! What a glTF file draws, evaluated in float64 by the formulas of glTF 2.0. Uses no code of the reader or of the
 //! library: JSON is read by serde_json, compressed views by meshoptimizer. Files are trusted.
 
-use crate::character::Keys;
-use crate::numbers::Numbers;
-use crate::skinned::{Matrix, Playing, dot, matrix_of, normal_matrix, product};
 use serde_json::Value;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::Path;
 use std::rc::Rc;
+
+/// A clip of the file, and a time.
+pub type Playing = Option<(usize, f64)>;
 
 pub struct File {
     json: Value,
@@ -24,6 +24,95 @@ pub struct File {
 
 /// A mesh, and a node that draws it.
 pub type Drawn = (usize, usize);
+
+/// Keys of a node's property.
+struct Keys {
+    node: usize,
+    path: &'static str,
+    interpolation: &'static str,
+    times: Vec<f32>,
+    width: usize,
+    values: Vec<f64>,
+}
+
+impl Keys {
+    /// Returns the elements of a key.
+    fn at(&self, i: usize) -> &[f64] {
+        &self.values[i * self.width..][..self.width]
+    }
+
+    /// Samples a track, by glTF 2.0, appendix C.
+    fn sample(&self, time: f64) -> Vec<f64> {
+        let time = time.clamp(self.times[0].into(), self.times[self.times.len() - 1].into());
+        let is_spline = self.interpolation == "CUBICSPLINE";
+        let value = |key: usize| self.at(if is_spline { 3 * key + 1 } else { key });
+        let last = self.times.iter().rposition(|t| f64::from(*t) <= time).unwrap();
+        if last + 1 == self.times.len() || self.interpolation == "STEP" {
+            return value(last).to_vec();
+        }
+        let [start, end] = [last, last + 1].map(|key| f64::from(self.times[key]));
+        let (length, t) = (end - start, (time - start) / (end - start));
+        let (from, to) = (value(last), value(last + 1));
+        if is_spline {
+            let (out, into) = (self.at(3 * last + 2), self.at(3 * (last + 1)));
+            let (t2, t3) = (t.powi(2), t.powi(3));
+            let of = |i: usize| {
+                (2.0 * t3 - 3.0 * t2 + 1.0) * from[i]
+                    + length * (t3 - 2.0 * t2 + t) * out[i]
+                    + (-2.0 * t3 + 3.0 * t2) * to[i]
+                    + length * (t3 - t2) * into[i]
+            };
+            return (0..from.len()).map(of).collect();
+        }
+        let (mut a, mut b) = (1.0 - t, t);
+        if self.path == "rotation" {
+            let lengths = dot(from, from).sqrt() * dot(to, to).sqrt();
+            let cosine = dot(from, to) / lengths;
+            let angle = cosine.abs().min(1.0).acos();
+            if angle > 1e-9 {
+                a = (angle * (1.0 - t)).sin() / angle.sin() / dot(from, from).sqrt();
+                b = (angle * t).sin() / angle.sin() / dot(to, to).sqrt() * cosine.signum();
+            }
+        }
+        from.iter().zip(to).map(|(from, to)| a * from + b * to).collect()
+    }
+}
+
+/// In row-major order.
+pub type Matrix = [[f64; 4]; 4];
+
+fn product(a: &Matrix, b: &Matrix) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
+}
+
+/// Returns translation · rotation · scale; the rotation is a quaternion x y z w of any length but 0.
+fn matrix_of(translation: &[f64], rotation: &[f64], scale: &[f64]) -> Matrix {
+    let length = rotation.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let [x, y, z, w] = std::array::from_fn(|i| rotation[i] / length);
+    let rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ];
+    let row = |i: usize| [rows[i][0] * scale[0], rows[i][1] * scale[1], rows[i][2] * scale[2], translation[i]];
+    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Returns the inverse transpose of the upper three rows and columns: cross products of the other rows, divided by the
+/// determinant.
+fn normal_matrix(m: &Matrix) -> [[f64; 3]; 3] {
+    let [a, b, c] = [0, 1, 2].map(|i| [m[i][0], m[i][1], m[i][2]]);
+    let determinant = dot(&a, &cross(b, c));
+    [cross(b, c), cross(c, a), cross(a, b)].map(|row| row.map(|x| x / determinant))
+}
 
 fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
     value[key].as_array().map_or(&[], Vec::as_slice)
@@ -234,12 +323,10 @@ impl File {
             let [times, values] = ["input", "output"].map(|key| self.numbers(&sampler[key]));
             let each = times.len() * if interpolation == "CUBICSPLINE" { 3 } else { 1 };
             let times: Vec<f32> = times.iter().map(|time| *time as f32).collect();
-            let values = Numbers::exact(values.len() / each, values.to_vec());
-            found.extend(
-                nodes.into_iter().map(|node| {
-                    (Keys { node, path, interpolation, times: times.clone(), values: values.clone() }, one)
-                }),
-            );
+            let width = values.len() / each;
+            found.extend(nodes.into_iter().map(|node| {
+                (Keys { node, path, interpolation, times: times.clone(), width, values: values.to_vec() }, one)
+            }));
         }
         found
     }

@@ -1,8 +1,8 @@
 //! Poses in interleaved host vertices: bit for bit equal to those in the engine's buffers, with as many passes and
 //! barriers; nothing else of a vertex is written.
 
+use crate::buffers::{Buffers, Shared};
 use crate::gpu;
-use crate::offscreen::{Offscreen, Shared};
 use crate::testing;
 use deltamorph::after::DecodeTarget;
 use deltamorph::ash::vk;
@@ -63,17 +63,16 @@ fn vertices_of_halves(with_streams: bool) -> Vec<(VertexLayout, u64)> {
 /// The host's buffer, poisoned, and the poses in it.
 struct Host<'a> {
     headless: &'a Headless,
-    host: &'a Offscreen<'a>,
+    host: &'a Buffers<'a>,
     shared: Shared,
     poses: HostPoses,
 }
 
 impl<'a> Host<'a> {
-    fn new(host: &'a Offscreen<'a>, headless: &'a Headless, place: (VertexLayout, u64), bytes: u64) -> Self {
-        use vk::{AccessFlags as Access, BufferUsageFlags as Usage, PipelineStageFlags as Stage};
+    fn new(host: &'a Buffers<'a>, headless: &'a Headless, place: (VertexLayout, u64), bytes: u64) -> Self {
+        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         let (vertex, offset) = place;
-        let usage = Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER | Usage::TRANSFER_DST;
-        let shared = host.shared((offset + bytes) as usize + BEHIND, usage).expect("a buffer");
+        let shared = host.shared((offset + bytes) as usize + BEHIND);
         let filled = headless.run(|cmd| {
             let poison = u32::from_ne_bytes([POISON; 4]);
             // SAFETY: `cmd` is recording; the buffer is alive.
@@ -204,7 +203,7 @@ fn on_devices(test: impl Fn(&Headless)) {
 #[test]
 fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
     on_devices(|headless| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         let blocks =
             |format, pose, slots| (format, UpdateDesc { pose, slots, tolerance: 1e-2, ..UpdateDesc::blocks() });
         let cases = [
@@ -266,7 +265,7 @@ fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
 #[test]
 fn heads_that_play_clips_are_written_into_the_hosts_vertices() {
     on_devices(|headless| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         for (pose, places) in [
             (PoseFormat::Fixed32, vertices(true)),
             (PoseFormat::Fixed16, vertices_of_halves(true)),
@@ -308,7 +307,7 @@ fn heads_that_play_clips_are_written_into_the_hosts_vertices() {
 #[test]
 fn poses_in_the_hosts_vertices_are_decoded() {
     on_devices(|headless| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         for (pose, place) in [
             (PoseFormat::Float32, vertices(false)[1]),
             (PoseFormat::Fixed32, vertices(false)[1]),
@@ -324,7 +323,7 @@ fn poses_in_the_hosts_vertices_are_decoded() {
             };
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             let count = mesh.layout().vertex_count;
-            let target = host.shared(24 * count, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer");
+            let target = host.shared(24 * count);
             let decoded = DecodeTarget { stride: 24, normals: Some(12), ..DecodeTarget::new(target.buffer) };
             // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
             unsafe { crowd.set_decode_target(1, Some(&decoded)) }.expect("a target");

@@ -2,6 +2,5 @@
 
 mod formulas;
 mod host_vertices;
-mod pictures;
 mod scenes;
 mod steps;

@@ -1,15 +1,14 @@
 //! Every step after the pose, under the same tests: a rig per step, and a test for each column of the resulting table.
 //! A step without a rig does not compile.
 
+use crate::buffers::Buffers;
 use crate::gpu::{self, recorded};
 use crate::hazards::{Event, HazardChecker, Memory, barriers_needed};
 use crate::joints::{JOINTS, Joints, MIRRORED};
-use crate::offscreen::Offscreen;
 use crate::written::Written;
 use deltamorph::after::{
     DecodeTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget,
 };
-use deltamorph::ash::vk;
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::PostMorphPass;
 use deltamorph::reference::{self, compare};
@@ -123,7 +122,7 @@ impl<'a> Rig<'a> {
         kind: PostMorphPass,
         which: usize,
         headless: &'a Headless,
-        host: &'a Offscreen<'a>,
+        host: &'a Buffers<'a>,
         (source, mesh): (&'a KeptMesh, &Arc<PackedMesh>),
     ) -> Self {
         let vertices = mesh.layout().vertex_count;
@@ -315,7 +314,7 @@ impl<'a> Rig<'a> {
 fn each_writes_the_reference_and_only_what_changed() {
     let source = mesh();
     gpu::on_every_driver(|headless, engine| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         for (kind, (format, update)) in
             PostMorphPass::ALL.into_iter().flat_map(|k| gpu::updates(headless).into_iter().map(move |u| (k, u)))
         {
@@ -398,7 +397,7 @@ fn each_follows_heads_that_play_clips() {
     let source = mesh();
     let clips = [head_clip(&head_desc(), 40, 30.0)];
     gpu::on_every_device(|headless, engine| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         let mesh = Arc::new(gpu::packed(engine, &source, DeltaFormat::Fast));
         for (kind, pose) in
             PostMorphPass::ALL.into_iter().flat_map(|k| [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|p| (k, p)))
@@ -434,7 +433,7 @@ fn each_follows_heads_that_play_clips() {
 fn a_missing_barrier_around_each_is_found() {
     let source = mesh();
     gpu::on_every_device(|headless, engine| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         for (kind, which) in PostMorphPass::ALL.into_iter().flat_map(|kind| [0, 1].map(|which| (kind, which))) {
             // The step that reads all kinds of poses is tested with each.
             let updates = match kind {
@@ -491,7 +490,7 @@ fn a_missing_barrier_around_each_is_found() {
 fn targets_that_do_not_fit_are_refused() {
     let source = mesh();
     gpu::on_every_device(|headless, engine| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         let mesh = Arc::new(gpu::packed(engine, &source, DeltaFormat::Fast));
         for kind in PostMorphPass::ALL {
             let mut rig = Rig::new(kind, 1, headless, &host, (&source, &mesh));

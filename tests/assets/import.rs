@@ -410,32 +410,6 @@ fn noise_is_dropped_and_does_not_come_back_in_the_normals() {
 }
 
 #[test]
-fn a_source_that_makes_no_sense_is_refused() {
-    let good = import(NEUTRAL, &[("a.obj", NEUTRAL), ("b.obj", NEUTRAL)]);
-    let refused = |change: &dyn Fn(&mut Mesh)| {
-        let mut source = good.clone();
-        change(&mut source);
-        source.kept(Tolerance::default()).unwrap_err().to_string()
-    };
-    says(&refused(&|s| s.targets[1].name = "a".into()), &["targets 0 and 1 are both called 'a'"]);
-    says(&refused(&|s| s.positions.clear()), &["no vertex"]);
-    says(&refused(&|s| s.positions[2].y = f32::NAN), &["vertex 2"]);
-    says(
-        &refused(&|s| s.targets[0].positions = vec![(4, Vec3::X)]),
-        &["'a': a position delta of vertex 4, there are 4"],
-    );
-    says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::X), (1, Vec3::X)]), &["vertex 1 comes after vertex 1"]);
-    says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::INFINITY)]), &["position delta of vertex 1"]);
-    says(&refused(&|s| s.normals = Some(vec![Vec3::Z])), &["1 normals for 4 vertices"]);
-    says(&refused(&|s| s.normals = Some(vec![Vec3::ZERO; 4])), &["the normal of vertex 0", "normalise"]);
-    says(&refused(&|s| s.faces.sizes[0] = 2), &["corners"]);
-    says(&refused(&|s| s.faces.corners[0].position = 9), &["vertex 9, there are 4"]);
-    says(&refused(&|s| s.faces.corners[0].texcoord = Some(0)), &["texture coordinate 0, there are 0"]);
-    let tolerance = Tolerance { position: -1.0, normal: 0.0 };
-    says(&good.kept(tolerance).unwrap_err().to_string(), &["position tolerance is -1"]);
-}
-
-#[test]
 fn bad_parts_cost_no_more_than_themselves() {
     // Texture coordinates and normals that are 0, not there, or no numbers; what is kept, and what is said.
     let three = |rest: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5\nvt nan 0\nvn 0 0 2\nvn {rest}\n");

@@ -3,6 +3,7 @@
 use crate::data;
 use deltamorph::import::csv;
 use deltamorph::import::obj::import_folder;
+use deltamorph::reference::evaluate_unpacked;
 use deltamorph::{KeptMesh, Mesh, Tolerance};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -10,16 +11,6 @@ use std::path::{Path, PathBuf};
 fn kept(mesh: &KeptMesh) -> f64 {
     let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
     moved as f64 / (mesh.targets.len() * mesh.vertex_count()) as f64
-}
-
-fn pose(mesh: &KeptMesh, weights: &[f32]) -> Vec<DVec3> {
-    let mut pose: Vec<DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
-    for (target, &w) in mesh.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
-        for (&v, delta) in target.vertices.iter().zip(&target.positions) {
-            pose[v as usize] += f64::from(w) * delta.as_dvec3();
-        }
-    }
-    pose
 }
 
 /// Returns the largest error of the default tolerance over a clip, as a fraction of the diagonal.
@@ -31,8 +22,10 @@ fn error_over_clip(source: &Mesh, folder: &Path, clip: &str) -> f64 {
     let frames: Vec<_> = clip.bind(&names).unwrap().frames().collect();
     let step = (frames.len() / 60).max(1);
     let errors = frames.iter().step_by(step).map(|w| {
-        let (a, b) = (pose(&raw, w), pose(&mesh, w));
-        a.iter().zip(&b).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max)
+        let [a, b] = [&raw, &mesh].map(|mesh| evaluate_unpacked(mesh, w));
+        let positions =
+            a.chunks_exact(6).zip(b.chunks_exact(6)).map(|(a, b)| (DVec3::from_slice(a), DVec3::from_slice(b)));
+        positions.map(|(a, b)| a.distance(b)).fold(0.0, f64::max)
     });
     errors.fold(0.0, f64::max) / f64::from(mesh.diagonal)
 }

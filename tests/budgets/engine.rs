@@ -4,8 +4,8 @@
 //! call the driver's. So modules and constants are those of crowds as a host makes them, without a second list. The
 //! driver is lavapipe; the tuning is that of the GPU. Nothing is submitted.
 
+use crate::buffers::Buffers;
 use crate::gpu;
-use crate::offscreen::Offscreen;
 use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::{self, vk};
 use deltamorph::internals::abi::modules::MODULES;
@@ -110,8 +110,8 @@ fn make(tuning: DeviceTuning) {
     let (core1, core2, core3) = (device.fp_v1_1().clone(), device.fp_v1_2().clone(), device.fp_v1_3().clone());
     let watched = ash::Device::from_parts_1_3(device.handle(), core, core1, core2, core3);
     let caps = gpu::limited(headless.caps().clone(), |caps| caps.tuning = tuning);
-    let host = Offscreen::new(&headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-    let output = host.shared(1 << 16, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+    let host = Buffers::new(&headless);
+    let output = host.shared(1 << 16).buffer;
     // SAFETY: the handles belong together, and outlive the engine.
     let engine =
         unsafe { MorphEngine::new(&DeviceDesc { caps: Some(caps), ..DeviceDesc::new(instance, physical, &watched) }) };

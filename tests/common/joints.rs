@@ -1,6 +1,6 @@
 //! A random skeleton, and the buffer of its joints.
 
-use crate::offscreen::{Offscreen, Shared};
+use crate::buffers::{Buffers, Shared};
 use deltamorph::after::SkinMethod;
 use deltamorph::ash::vk;
 use deltamorph_head::Rng;
@@ -44,7 +44,7 @@ fn skeleton(method: SkinMethod, diagonal: f32, seed: u64) -> Vec<f32> {
 
 /// The joints of an instance, at two alternating places of a buffer.
 pub struct Joints<'a> {
-    host: &'a Offscreen<'a>,
+    host: &'a Buffers<'a>,
     pub shared: Shared,
     method: SkinMethod,
     diagonal: f32,
@@ -56,9 +56,8 @@ impl<'a> Joints<'a> {
     /// Bytes from one place to the other, before the first, and after the second.
     pub const STRIDE: u64 = 16 * 72;
 
-    pub fn new(headless: &Headless, host: &'a Offscreen<'a>, method: SkinMethod, diagonal: f32) -> Self {
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
-        let shared = host.shared(3 * Self::STRIDE as usize, usage).expect("a buffer");
+    pub fn new(headless: &Headless, host: &'a Buffers<'a>, method: SkinMethod, diagonal: f32) -> Self {
+        let shared = host.shared(3 * Self::STRIDE as usize);
         let mut this = Self { host, shared, method, diagonal, turn: 0, numbers: vec![] };
         this.turn(headless, 1);
         this

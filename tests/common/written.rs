@@ -1,6 +1,6 @@
 //! The output of a step after the pose for each vertex, in a buffer of the host's.
 
-use crate::offscreen::{Offscreen, Shared};
+use crate::buffers::{Buffers, Shared};
 use deltamorph::ash::vk;
 use deltamorph_headless::Headless;
 
@@ -9,7 +9,7 @@ const POISON: u32 = 0xffff_ffff;
 
 /// A buffer, and the layout of vertices in it: offset, stride, and bytes from a position to its normal.
 pub struct Written<'a> {
-    host: &'a Offscreen<'a>,
+    host: &'a Buffers<'a>,
     pub buffer: vk::Buffer,
     pub place: (u64, u32, Option<u32>),
     words: Shared,
@@ -17,13 +17,10 @@ pub struct Written<'a> {
 }
 
 impl<'a> Written<'a> {
-    pub fn new(headless: &Headless, host: &'a Offscreen<'a>, vertices: usize, place: (u64, u32, Option<u32>)) -> Self {
+    pub fn new(headless: &Headless, host: &'a Buffers<'a>, vertices: usize, place: (u64, u32, Option<u32>)) -> Self {
         let (offset, stride, normals) = place;
         let bytes = offset as usize + (vertices - 1) * stride as usize + 12 + normals.unwrap_or(0) as usize;
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::TRANSFER_DST
-            | vk::BufferUsageFlags::TRANSFER_SRC;
-        let words = host.shared(bytes, usage).expect("a buffer");
+        let words = host.shared(bytes);
         let this = Self { host, buffer: words.buffer, place, words, vertices };
         this.poison(headless);
         this

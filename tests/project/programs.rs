@@ -1,51 +1,34 @@
-//! Test programs of several files: cargo only finds `main.rs`, and a file that it does not declare would test nothing.
+//! Test programs of several files: a file that no other declares would test nothing.
 
 use std::path::{Path, PathBuf};
 
-fn entries(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
-    entries.map(|entry| entry.expect("an entry").path()).collect()
-}
-
-/// Checks that the file `root` declares each file in `folder`, recursively; returns their number.
-fn declared(root: &Path, folder: &Path) -> usize {
-    let text = std::fs::read_to_string(root).unwrap_or_else(|e| panic!("{}: {e}", root.display()));
-    let mut count = 0;
-    for path in entries(folder).into_iter().filter(|path| path != root) {
-        let module = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
-        if path.is_dir() {
-            count += declared(&path.with_extension("rs"), &path);
+/// Collects the sources below a folder that no package of its own has.
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() && !path.join("Cargo.toml").is_file() {
+            sources(&path, found);
         } else if path.extension().is_some_and(|extension| extension == "rs") {
-            let is_declared = text.lines().any(|line| line.trim() == format!("mod {module};"));
-            assert!(is_declared, "{} is no part of the program {}", path.display(), root.display());
-            count += 1;
+            found.push(path);
         }
     }
-    count
 }
 
 #[test]
 fn every_file_of_a_test_program_is_compiled() {
-    let mut count = 0;
-    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let tests = package.join("tests");
-    let engine = std::fs::read_to_string(tests.join("engine.rs")).expect("tests/engine.rs");
-    for path in entries(&tests) {
-        let is_file = path.extension().is_some_and(|extension| extension == "rs") && !path.ends_with("engine.rs");
-        let root = path.join("mod.rs");
-        if is_file || root.is_file() {
-            let module = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
-            assert!(engine.contains(&format!("\nmod {module};\n")), "tests/engine.rs lacks {}", path.display());
-        }
-        if root.is_file() {
-            count += declared(&root, &path);
-        }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = vec![];
+    ["tests", "cli/tests"].iter().for_each(|folder| sources(&root.join(folder), &mut found));
+    let text = |path: &PathBuf| std::fs::read_to_string(path).expect("a source");
+    for path in &found {
+        let (name, folder) = (path.file_name().expect("a name"), path.parent().expect("a folder"));
+        let module = if name == "mod.rs" { folder } else { path }.file_stem().expect("a name").to_string_lossy();
+        let (line, by_path) = (format!("\nmod {module};"), format!("/{module}.rs\"]"));
+        let is_near = |other: &Path| other.parent() == Some(folder) || other.parent() == folder.parent();
+        let declares =
+            |other: &PathBuf| is_near(other) && text(other).contains(&line) || text(other).contains(&by_path);
+        let is_root = name == "engine.rs" || name == "main.rs" || folder.ends_with("cli/tests");
+        assert!(is_root || found.iter().any(declares), "{}: no part of any program", path.display());
     }
-    for folder in entries(&tests).into_iter().chain(entries(&package.join("cli/tests"))) {
-        let main = folder.join("main.rs");
-        if main.is_file() {
-            count += declared(&main, &folder);
-        }
-    }
-    assert!(count > 50, "{count} files");
+    assert!(found.len() > 50, "{} files", found.len());
 }

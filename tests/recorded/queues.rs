@@ -1,9 +1,9 @@
 //! Updates on a queue without graphics, with semaphores between them and the draws. CPU drivers have one queue family:
 //! here it is treated as one without graphics, and draws are separate submissions.
 
+use crate::buffers::{Buffers, Shared};
 use crate::gpu::{self, NORMAL, baseline, caps, drivers, is_kept, limited, on_device_within, weights};
 use crate::hazards::{Event, HazardChecker, accesses, trace};
-use crate::offscreen::{Offscreen, Shared};
 use crate::testing;
 use deltamorph::after::DecodeTarget;
 use deltamorph::ash::{self, vk};
@@ -122,7 +122,7 @@ struct Frame {
 /// update waits for the draw `behind` frames earlier.
 fn frames(
     headless: &Headless,
-    host: &Offscreen<'_>,
+    host: &Buffers<'_>,
     crowd: &mut Crowd,
     behind: usize,
     asked: &[Vec<Vec<f32>>],
@@ -148,7 +148,7 @@ fn frames(
         queues.submit(update, wait, queues.updated[n]);
         let poses = (0..INSTANCES).map(|i| {
             let view = crowd.pose(i).expect("a pose");
-            (view, host.shared(view.size as usize, vk::BufferUsageFlags::TRANSFER_DST).expect("a buffer"))
+            (view, host.shared(view.size as usize))
         });
         let poses: Vec<_> = poses.collect();
         let (draw, ()) = queues.record(|cmd| {
@@ -202,7 +202,7 @@ fn has_hazards(frames: &[Frame], slots: u32, previous: u32, left_out: Option<(us
 #[test]
 fn updates_run_on_a_queue_without_graphics() {
     on_queues_with(vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER, |headless, engine| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         let blocks = |format, pose| {
             (format, UpdateDesc { pose, weight_max: Some(4.0), tolerance: 1e-2, ..UpdateDesc::blocks() })
         };
@@ -268,7 +268,7 @@ fn updates_run_on_a_queue_without_graphics() {
 #[test]
 fn what_follows_and_what_is_animated_names_no_graphics() {
     on_queues_with(vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER, |headless, engine| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         let (mesh, uploaded) = uploaded(headless, engine, DeltaFormat::Fast);
         let desc = CrowdDesc { queue_family: Some(0), ..CrowdDesc::new(gpu::fixed()[1]) };
         let clips = [gpu::clip(&mesh, 30.0, (0..44).map(|i| (i % 5) as f32 / 8.0).collect())];
@@ -278,8 +278,7 @@ fn what_follows_and_what_is_animated_names_no_graphics() {
         let (mut animated, mut crowd) =
             (made.expect("a crowd"), engine.create_crowd(&uploaded, &desc).expect("a crowd"));
         animated.play(0, &Playback::new(0)).expect("a clip");
-        let words =
-            host.shared(mesh.layout().vertex_count * 12, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer");
+        let words = host.shared(mesh.layout().vertex_count * 12);
         // SAFETY: the buffer is large enough, and outlives the crowd; nothing is running.
         unsafe { engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(words.buffer))) }.expect("a target");
         for frame in 0..4 {

@@ -1,8 +1,8 @@
 //! The slots of animated updates that follow discarded ones: hosts that count frames rely on the rule for several
 //! queues in the documentation of `MorphEngine`. src/update/tests.rs holds weighted ones to it.
 
+use crate::buffers::Buffers;
 use crate::gpu::{self, drivers, on_device};
-use crate::offscreen::Offscreen;
 use crate::testing;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
@@ -111,10 +111,10 @@ fn skin(headless: &Headless, mesh: &PackedMesh) -> GpuSkin {
 #[test]
 fn discarded_updates_give_their_slots_back() {
     on_device(&drivers()[0], false, |headless, engine| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let host = Buffers::new(headless);
         let source = testing::mesh(100, TARGETS);
-        let place = || host.shared(100 * 24, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
-        let joints = host.shared(48, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+        let place = || host.shared(100 * 24).buffer;
+        let joints = host.shared(48).buffer;
         let target = SkinTarget { second: Some((place(), 0)), ..SkinTarget::new(place(), joints, 48) };
         let mesh = gpu::packed(engine, &source, DeltaFormat::Fast);
         let skin = skin(headless, &mesh);

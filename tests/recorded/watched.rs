@@ -1,8 +1,8 @@
 //! What a host can watch of an update's commands: the labels around its steps, and timestamps between them; and the
 //! cache that pipelines are made with. Calls go to the driver through functions that write them down.
 
+use crate::buffers::Buffers;
 use crate::gpu::{self, drivers, on_device, single, update_descs};
-use crate::offscreen::Offscreen;
 use crate::testing;
 use deltamorph::after::DecodeTarget;
 use deltamorph::ash::{self, vk};
@@ -131,8 +131,8 @@ fn frames(
     engine: &MorphEngine,
     mut with_queries: impl FnMut(vk::CommandBuffer, [&mut Crowd; 3]),
 ) -> Vec<Frame> {
-    let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-    let decoded = host.shared(300 * 12, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+    let host = Buffers::new(headless);
+    let decoded = host.shared(300 * 12).buffer;
     let [mesh, dense] =
         [DeltaFormat::Fast, DeltaFormat::Snorm16].map(|format| gpu::packed(engine, &testing::mesh(300, 7), format));
     let uploaded = gpu::upload(headless, engine, &mesh);

@@ -1,16 +1,13 @@
 //! Poses of every technique, batch size and format against the float64 reference, on real drivers; statistics of
 //! updates; and idle instances.
 
-use super::table::{can_read, for_every_update, history, keep_supported, updates, variants};
-use crate::data;
+use super::table::{can_read, for_every_update, history, updates, variants};
 use crate::gpu::{self, NORMAL, POSITION, in_eight_chunks, on_every_device, packed, weights};
 use crate::testing;
 use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath, UpdateStats,
-};
-use deltamorph_headless::{Draws, Headless, HeadlessCrowd, PoseUpload};
+use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph_headless::{Draws, Headless, PoseUpload};
 use std::sync::Arc;
 
 /// Plays `frames` frames of a history and compares every pose and previous pose with the reference.
@@ -137,30 +134,6 @@ fn scattered_sums_are_those_of_fixed32_poses() {
 }
 
 #[test]
-fn passes_are_the_coefficients_over_the_batch_size_and_a_still_face_records_nothing() {
-    for_every_update(&[Snorm16], &testing::mesh(100, 57), |headless, mesh, desc| {
-        if desc.path.is_baseline() && desc.path != UpdatePath::VertexStore {
-            return;
-        }
-        let mut crowd = gpu::crowd(headless, mesh, desc);
-        let mut weights = vec![0.25; 57];
-        let mut passes = |weights: &[f32]| crowd.step(&[weights]).expect("a step").update.stats;
-        assert_eq!(passes(&weights).passes, desc.batch.passes(57));
-        weights[40] = 0.5;
-        let one = passes(&weights);
-        assert_eq!((one.coefficients, one.passes), (1, 1), "{desc:?}");
-        weights[3..12].fill(-1.0);
-        let nine = passes(&weights);
-        assert_eq!((nine.coefficients, nine.passes), (9, desc.batch.passes(9)), "{desc:?}");
-        let mut still = passes(&weights);
-        assert_eq!(std::mem::take(&mut still.bound), nine.bound, "{desc:?}");
-        assert_eq!(still, UpdateStats::default(), "{desc:?}");
-        let (step, entries, _) = gpu::recorded(&mut crowd, &[&weights]);
-        assert_eq!((step.update.stats.bytes_moved, entries.len()), (0, 0));
-    });
-}
-
-#[test]
 fn bytes_are_those_that_kernels_load_and_store() {
     let weights = [0.0, 0.5, 1.0, 0.0, -1.0, 0.0, 0.0];
     for_every_update(&[Float32, Snorm16, Small], &testing::mesh(300, 7), |headless, mesh, desc| {
@@ -213,37 +186,6 @@ fn bytes_are_those_that_kernels_load_and_store() {
     });
 }
 
-/// A face that stops: once deferred changes have settled, nothing is recorded, and there is no motion blur.
-#[test]
-fn a_face_that_stops_has_its_pose_as_previous_pose() {
-    for_every_update(&[Small], &testing::mesh(300, 11), |headless, mesh, desc| {
-        for (slots, budget) in (1..4).flat_map(|slots| [(slots, 0.0), (slots, 0.05 * mesh.layout().diagonal)]) {
-            let desc = UpdateDesc { slots, error_budget: budget, ..desc };
-            if desc.check().is_err() {
-                continue;
-            }
-            let mut crowd = gpu::crowd(headless, mesh, desc);
-            let mut weights = [0.0; 11];
-            let step =
-                |crowd: &mut HeadlessCrowd<'_>, weights: &[f32]| crowd.step(&[weights]).expect("a step").update.stats;
-            for frame in 0..9 {
-                weights.iter_mut().enumerate().for_each(|(t, w)| *w += 0.01 * ((frame + t) % 4) as f32);
-                step(&mut crowd, &weights);
-            }
-            if budget > 0.0 {
-                assert!(step(&mut crowd, &weights).dirty_blocks > 0, "{desc:?}: nothing waited");
-            }
-            let settled = crowd.read_pose(0).expect("a pose");
-            let still = step(&mut crowd, &weights);
-            assert_eq!((still.coefficients, still.passes, still.dirty_blocks, still.bytes_moved), (0, 0, 0, 0));
-            let bits = |pose: Vec<f32>| pose.into_iter().map(f32::to_bits).collect::<Vec<_>>();
-            let (pose, previous) = (crowd.read_pose(0).expect("a pose"), crowd.read_previous_pose(0));
-            let previous = previous.expect("a device that works").expect("the pose itself");
-            assert_eq!((bits(pose), bits(previous)), (bits(settled.clone()), bits(settled)), "{desc:?}");
-        }
-    });
-}
-
 /// A device that is kept busy between timed updates, as GPUs are whose clocks fall, computes the same.
 #[test]
 fn poses_are_those_of_a_device_that_works_between_updates() {
@@ -262,36 +204,6 @@ fn poses_are_those_of_a_device_that_works_between_updates() {
         let steps = crowd.step_times().expect("times");
         assert!(matches!(&steps[..], [("blocks", ms)] if *ms > 0.0), "{steps:?}");
         gpu::assert_right(&mut crowd, 0, &mesh, &[0.5; 8]);
-    });
-}
-
-/// Any sequence of weights through any path of the library, batch size, format and number of slots.
-#[test]
-fn any_sequence_of_weights_equals_the_reference() {
-    use proptest::prelude::*;
-    use proptest::test_runner::{Config, TestRunner};
-    let strategy = (2u32..4, prop::collection::vec(prop::collection::vec(-3i8..6, 9), 1..7));
-    for_every_update(&DeltaFormat::ALL, &testing::mesh(130, 9), |headless, mesh, desc| {
-        if desc.path.is_baseline() && desc.path != UpdatePath::VertexStore {
-            return;
-        }
-        let config = Config { cases: 4, failure_persistence: None, ..Config::default() };
-        let run = TestRunner::new(config).run(&strategy, |(slots, frames)| {
-            let mut crowd = gpu::crowd(headless, mesh, UpdateDesc { slots, ..desc });
-            for frame in frames {
-                let weights: Vec<f32> = frame.iter().map(|&w| f32::from(w) * 0.3).collect();
-                crowd.step(&[&weights]).expect("a step");
-                let error = gpu::error(&mut crowd, 0, mesh, &weights);
-                prop_assert!(
-                    gpu::is_kept(&error, mesh.layout().diagonal),
-                    "{:?} {:?}",
-                    UpdateDesc { slots, ..desc },
-                    error
-                );
-            }
-            Ok(())
-        });
-        run.unwrap_or_else(|e| panic!("{} {:?}: {e}", headless.caps().name, mesh.layout().format));
     });
 }
 
@@ -317,29 +229,4 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
         assert!(upload.upload(&[&crowd.pose(0).expect("an instance")]).is_err());
         assert!(PoseUpload::new(headless, mesh.layout(), 0).is_err());
     });
-}
-
-/// Large meshes on techniques of others only: tests/updates/real_data.rs plays whole clips on the library's own.
-#[test]
-fn real_sets() {
-    for (set, clip) in [
-        ("facecap_head_glb", "facecap_30fps.csv"),
-        ("ict_facekit", "facecap_30fps.csv"),
-        ("morph_stress_test", "TheWave_24fps.csv"),
-    ] {
-        let Some((kept, frames)) = data::face(set, clip) else { continue };
-        let small = set == "morph_stress_test";
-        for_every_update(&[Float32, Snorm16, Small], &kept, |headless, mesh, desc| {
-            let descs = variants(desc).filter(|desc| small || desc.path.is_baseline());
-            for desc in descs.filter(|desc| desc.slots == 2 && can_read(headless, desc)) {
-                let mut crowd = gpu::crowd(headless, mesh, desc);
-                for weights in frames.iter().step_by((frames.len() / 3).max(1)) {
-                    let mut weights = weights.clone();
-                    keep_supported(&mut weights, &desc);
-                    crowd.step(&[&weights]).expect("a step");
-                    gpu::assert_right(&mut crowd, 0, mesh, &weights);
-                }
-            }
-        });
-    }
 }

@@ -1,8 +1,8 @@
 //! The limits of weak devices, on real drivers: an engine with these limits keeps to them in every call, which wrappers
 //! of the driver's functions check; its poses match the float64 reference, and its steps run.
 
+use crate::buffers::Buffers;
 use crate::gpu::{self, NORMAL, baseline};
-use crate::offscreen::Offscreen;
 use crate::written::Written;
 use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::{self, vk};
@@ -197,10 +197,9 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, up
     let packed = gpu::packed(engine, mesh, format);
     let (vertices, diagonal) = (packed.layout().vertex_count, f64::from(packed.layout().diagonal));
     let triangles = mesh.faces.triangles(&mesh.positions).into_flattened();
-    let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+    let host = Buffers::new(headless);
     let joint = [1.0f32, 0.0, 0.0, 7.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-    let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
-    let joints = host.shared(48, usage).expect("a buffer");
+    let joints = host.shared(48);
     let places = [(268, 40, Some(16)), (0, 24, Some(12)), (4, 12, None)];
     let outputs = places.map(|place| Written::new(headless, &host, vertices, place));
     let (names, shares) = (vec![0u16; 4 * vertices], [1.0f32, 0.0, 0.0, 0.0].repeat(vertices));

@@ -6,8 +6,7 @@ use crate::testing;
 use deltamorph::mesh::KeptTarget;
 use deltamorph::reference::{angle_degrees, evaluate};
 use deltamorph::{
-    BlockDesc, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc,
-    UpdatePath,
+    CpuCrowd, Crowd, CrowdDesc, DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::HeadlessCrowd;
 use glam::DVec3;
@@ -116,43 +115,6 @@ fn a_crowd_takes_24_bytes_a_vertex_for_two_slots() {
         let rest = (of_16 - poses_of_16) as f64 / vertices as f64;
         assert!(rest < 6.0, "{}: {rest} bytes a vertex beside the poses", headless.caps().name);
     });
-}
-
-#[test]
-fn weights_beyond_the_largest_are_refused_with_the_remedy() {
-    let mesh = Arc::new(PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh"));
-    let most = |pose| on_cpu(pose).grid(mesh.layout()).expect("a grid").expect("integers").weight_max;
-    assert_eq!((most(PoseFormat::Fixed16), most(PoseFormat::Fixed32)), (1.0, BlockDesc::default().weight_max));
-    for (pose, weight_max, most) in [
-        (PoseFormat::Fixed16, None, 1.0),
-        (PoseFormat::Fixed16, Some(2.5), 2.5),
-        (PoseFormat::Fixed32, None, 4.0),
-        (PoseFormat::Fixed32, Some(1.5), 1.5),
-    ] {
-        let desc = UpdateDesc { weight_max, ..on_cpu(pose) };
-        let mut crowd = CpuCrowd::new(mesh.clone(), desc, 1, 1).expect("a crowd");
-        for sign in [1.0, -1.0] {
-            crowd.set_weights(0, &[0.0, sign * most, 0.0, 0.0]).expect("the largest weight");
-            crowd.update();
-            gpu::assert_integers(mesh.surface(), &desc, crowd.stored_pose(0, 0).expect("a pose"), &[0.0, sign * most]);
-            let text = crowd.set_weights(0, &[0.0, sign * most * 1.01, 0.0, 0.0]).expect_err("refused").to_string();
-            assert!(
-                text.contains("the weight of target 1 ('target_1')") && text.contains("larger weight_max"),
-                "{text}"
-            );
-            assert!(text.contains(&format!("from -{most} to {most}")), "{text}");
-        }
-    }
-    for (pose, weight_max, remedy) in [
-        (PoseFormat::Fixed16, 256.0, "fixed32"),
-        (PoseFormat::Fixed16, 0.0, "above 0"),
-        (PoseFormat::Fixed16, -1.0, "above 0"),
-        (PoseFormat::Fixed32, f32::NAN, "above 0"),
-        (PoseFormat::Fixed32, 1e6, "smaller largest weight"),
-    ] {
-        let refused = CpuCrowd::new(mesh.clone(), UpdateDesc { weight_max: Some(weight_max), ..on_cpu(pose) }, 1, 1);
-        testing::says(refused, &[&weight_max.to_string(), remedy]);
-    }
 }
 
 /// Makes a target that moves one vertex, in all three components.
