@@ -19,7 +19,7 @@ impl Row {
         let kernel = ["_fixed16", "_fixed32"].iter().find_map(|pose| self.kernel.strip_suffix(pose));
         let mut family = kernel.unwrap_or(&self.kernel).to_owned();
         let words: Vec<&str> = self.constants.split(' ').collect();
-        for pair in words.windows(2).filter(|pair| ["HEADS", "BATCH", "INFLUENCES"].contains(&pair[0])) {
+        for pair in words.windows(2).filter(|pair| ["INSTANCES", "BATCH", "INFLUENCES"].contains(&pair[0])) {
             family += &format!(" {} {}", pair[0], pair[1]);
         }
         family
