@@ -1,21 +1,24 @@
 //! Reads OBJ text into arrays, in the file's order.
+//!
+//! tobj reads the numbers of `v`, `vt` and `vn`, faces are read here: tobj has no line numbers, takes an index of 0 for
+//! a missing one, and repeats texture coordinates where a corner has none. Numbers are checked before it gets them.
 
 use crate::asset::{CUT_ALL, CUT_MOST, Corner, Faces};
 use crate::error::{Error, Result, ensure};
 use crate::import::kinds::refuse_others;
 use crate::import::shortened;
 use crate::io::{TEXT_MAX, read_bounded};
+use bytemuck::cast_slice;
 use glam::{DVec3, Vec2, Vec3};
+use std::io::Write;
 use std::path::Path;
-use std::str::FromStr;
 
 /// The statements that are read; others are ignored. The first three list values.
 const KEYWORDS: [&[u8]; 4] = [b"v", b"vt", b"vn", b"f"];
 const FACE: usize = 3;
 const NAMES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
-/// Numbers that a statement needs, and those that are read of it.
+/// Numbers that a statement needs.
 const LEAST: [usize; 3] = [3, 1, 3];
-const WIDTHS: [usize; 3] = [3, 2, 3];
 
 const EXPORT_AGAIN: &str = "export the file again";
 const EXPORT_OBJ: &str = "export the mesh as Wavefront OBJ";
@@ -81,9 +84,9 @@ impl ObjFile {
         ensure!(counts[0] > 0, Error::input(path, "", what, EXPORT_OBJ));
         let mut scan = Scan {
             path,
-            origin: (origin != Vec3::ZERO).then(|| origin.as_dvec3()),
+            origin: origin.as_dvec3(),
             line: 0,
-            numbers: std::array::from_fn(|kind| Vec::with_capacity(WIDTHS[kind] * counts[kind])),
+            text: ordering_face(counts),
             counts,
             seen: [0; 4],
             faces: Faces::default(),
@@ -91,6 +94,7 @@ impl ObjFile {
             lost: 0,
             thin: 0,
         };
+        scan.text.reserve(bytes.len() + 1);
         for (line, kind, rest) in statements(&bytes) {
             scan.line = line;
             if kind == FACE {
@@ -99,8 +103,22 @@ impl ObjFile {
                 scan.values(kind, rest)?;
             }
         }
-        Ok(scan.finish())
+        let remedy = "export the file again, with one statement on a line";
+        let lost = || Error::input(path, "", "the parser lost numbers", remedy);
+        let mesh = values(&scan.text, counts).ok_or_else(lost)?;
+        Ok(scan.finish(&mesh))
     }
+}
+
+/// The numbers of the `v`, `vt` and `vn` statements in `text`, by tobj; `None` where one is refused, or a vertex is not
+/// finite.
+fn values(text: &[u8], [v, vt, vn, _]: [usize; 4]) -> Option<tobj::Mesh> {
+    let options = tobj::LoadOptions::default();
+    let (mut models, _) = tobj::load_obj_buf(&mut &*text, &options, |_| Ok(Default::default())).ok()?;
+    let mesh = models.pop()?.mesh;
+    let found = [&mesh.positions, &mesh.texcoords, &mesh.normals].map(Vec::len);
+    let is_finite = mesh.positions.iter().all(|number| number.is_finite());
+    (found == [3 * v, 2 * vt, 3 * vn] && is_finite).then_some(mesh)
 }
 
 /// The text in lines that end in LF, each with a whole statement.
@@ -117,15 +135,15 @@ fn prepared(mut bytes: Vec<u8>) -> Vec<u8> {
     if bytes.contains(&b'\\') { join_lines(&bytes) } else { bytes }
 }
 
-/// What has been read so far.
+/// Reads faces, and copies the other statements for tobj.
 struct Scan<'a> {
     path: &'a Path,
-    /// Subtracted from positions, before they are rounded to single precision.
-    origin: Option<DVec3>,
+    /// Subtracted from positions.
+    origin: DVec3,
     /// The line that the statement begins on.
     line: usize,
-    /// The numbers of the `v`, `vt` and `vn` lines.
-    numbers: [Vec<f32>; 3],
+    /// The statements for tobj.
+    text: Vec<u8>,
     /// Number of statements of each keyword.
     counts: [usize; 4],
     /// Their number so far; a negative index counts back from it.
@@ -148,14 +166,14 @@ impl Scan<'_> {
         std::str::from_utf8(rest).map_err(|_| self.error("bytes that are not UTF-8 text", EXPORT_AGAIN))
     }
 
-    fn number<T: FromStr>(&self, word: &str) -> Result<T> {
-        let number = if is_nan(word) { "nan" } else { word }.parse();
+    fn number(&self, word: &str) -> Result<f64> {
+        let number = if is_nan(word) { Ok(f64::NAN) } else { word.parse() };
         let remedy =
             if word.contains(',') { "write numbers with a point, and spaces between them" } else { EXPORT_AGAIN };
         number.map_err(|_| self.error(format!("'{}' is not a number", shortened(word)), remedy))
     }
 
-    /// Reads the numbers of a statement.
+    /// Copies the numbers that are used of a statement.
     fn values(&mut self, kind: usize, rest: &[u8]) -> Result<()> {
         let text = self.text(rest)?;
         let given = text.split_whitespace().count();
@@ -163,24 +181,32 @@ impl Scan<'_> {
         ensure!(given >= LEAST[kind], self.error(what(), EXPORT_AGAIN));
         // One number more than three is a weight, several are a colour.
         let weight = text.split_whitespace().nth(3).filter(|_| kind == 0 && given == 4);
-        let divided = if weight.is_some() { ", divided by the fourth, its weight" } else { "" };
-        let weight: f32 = weight.map_or(Ok(1.0), |word| self.number(word))?;
-        for (i, word) in text.split_whitespace().take(WIDTHS[kind]).enumerate() {
-            let number: f32 = match self.origin.filter(|_| kind == 0) {
-                Some(origin) => (self.number::<f64>(word)? - origin[i] * f64::from(weight)) as f32,
-                None => self.number(word)?,
-            };
-            let number = number / weight;
+        let (used, divided) = if weight.is_some() { (4, ", divided by the fourth, its weight") } else { (3, "") };
+        let weight = weight.map_or(Ok(1.0), |word| self.number(word))?;
+        let origin = if kind == 0 { self.origin * weight } else { DVec3::ZERO };
+        self.text.extend_from_slice(KEYWORDS[kind]);
+        for (word, offset) in text.split_whitespace().take(used).zip(origin.extend(0.0).to_array()) {
+            let number = self.number(word)? - offset;
+            let is_finite = kind > 0 || ((number / weight) as f32).is_finite();
             let what = || {
                 let vertex = shortened(text.trim());
                 format!("the vertex '{vertex}' is not one of finite numbers of single precision{divided}")
             };
-            ensure!(kind > 0 || number.is_finite(), self.error(what(), "repair the mesh and export it again"));
-            self.numbers[kind].push(number);
+            ensure!(is_finite, self.error(what(), "repair the mesh and export it again"));
+            self.text.push(b' ');
+            match word {
+                _ if number.is_nan() => self.text.extend_from_slice(b"nan"),
+                // Writing to memory cannot fail.
+                _ if offset != 0.0 => drop(write!(self.text, "{number}")),
+                word => self.text.extend_from_slice(word.as_bytes()),
+            }
         }
-        // A second texture coordinate that is not there is 0.
+        // The second texture coordinate where there is one alone; tobj ignores what follows two.
+        if kind == 1 {
+            self.text.extend_from_slice(b" 0");
+        }
+        self.text.push(b'\n');
         self.seen[kind] += 1;
-        self.numbers[kind].resize(WIDTHS[kind] * self.seen[kind], 0.0);
         Ok(())
     }
 
@@ -235,11 +261,10 @@ impl Scan<'_> {
         Ok(named)
     }
 
-    fn finish(self) -> ObjFile {
-        let Self { numbers: [positions, texcoords, normals], mut faces, corner_normals, mut lost, thin, .. } = self;
-        let vectors = |numbers: Vec<f32>| numbers.as_chunks().0.iter().copied().map(Vec3::from_array).collect();
-        let mut texcoords: Vec<Vec2> = texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect();
-        let mut normals: Vec<Vec3> = vectors(normals);
+    fn finish(self, mesh: &tobj::Mesh) -> ObjFile {
+        let Self { mut faces, corner_normals, mut lost, thin, .. } = self;
+        let mut texcoords: Vec<Vec2> = cast_slice(&mesh.texcoords).to_vec();
+        let mut normals: Vec<Vec3> = cast_slice(&mesh.normals).to_vec();
         for corner in &mut faces.corners {
             if corner.texcoord.is_some_and(|t| !texcoords[t as usize].is_finite()) {
                 corner.texcoord = None;
@@ -268,7 +293,7 @@ impl Scan<'_> {
             notes.push(format!("{what}: {lost}"));
         }
         ObjFile {
-            positions: vectors(positions),
+            positions: cast_slice(&mesh.positions).to_vec(),
             texcoords,
             normals,
             faces,
@@ -277,6 +302,27 @@ impl Scan<'_> {
             notes,
         }
     }
+}
+
+/// Makes the one face that tobj gets, whose corners name every vertex, texture coordinate and normal in file order.
+///
+/// tobj numbers all three by first use and drops those that no face uses. With this face, the order of first use is the
+/// order of the file.
+fn ordering_face([v, vt, vn, _]: [usize; 4]) -> Vec<u8> {
+    let corners = v.max(vt).max(vn);
+    let mut line = Vec::with_capacity(corners * 24 + 2);
+    line.push(b'f');
+    for i in 1..=corners {
+        for (separator, n) in [(b' ', v), (b'/', vt), (b'/', vn)] {
+            line.push(separator);
+            if n > 0 {
+                // Writing to memory cannot fail.
+                let _ = write!(line, "{}", i.min(n));
+            }
+        }
+    }
+    line.push(b'\n');
+    line
 }
 
 /// Whether a word is no number as programs on Windows write it: 1.#QNAN, 1.#INF, nan(ind).
