@@ -5,7 +5,7 @@ use crate::{Memory, Target, bounded, check_error, check_pose};
 use arbitrary::{Result, Unstructured};
 use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::{
-    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MeshArrays, KeptMesh, Mesh, PackDesc, PackedMesh, PoseFormat,
+    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, KeptMesh, Mesh, MeshArrays, PackDesc, PackedMesh, PoseFormat,
     TargetArrays, Tolerance, UpdateDesc, UpdateMode, UpdatePath,
 };
 use std::sync::Arc;
