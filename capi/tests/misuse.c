@@ -273,7 +273,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     INVALID("instance", dm_crowd_set_weights(crowd, 1, weights, 3));
     INVALID("plays no clips", dm_crowd_set_time(crowd, 1));
     INVALID("plays no clips", dm_release_staging(crowd.bits));
-    INVALID("place", dm_crowd_add(crowd, &instance));
+    INVALID("capacity", dm_crowd_add(crowd, &instance));
     HOLDS(instance == 9);
     INVALID("instance", dm_crowd_reset_history(crowd, 1));
     INVALID("instance", dm_crowd_set_hidden(crowd, 7, 1));

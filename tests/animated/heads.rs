@@ -79,12 +79,16 @@ fn misuse_is_an_error_that_says_what_to_do() {
         let mut animated =
             HeadlessCrowd::animated(headless, &mesh, &crowd(2, fixed(PoseFormat::Fixed16, 2)), &animation)
                 .expect("a crowd");
+        let mut planned = HeadlessCrowd::new(headless, &mesh, &crowd(2, UpdateDesc::blocks())).expect("a crowd");
         let weights = vec![0.0; head_desc().targets];
         for (result, words) in [
-            (animated.step(&[&weights]).map(drop), "play a clip"),
+            (animated.step(&[&weights]).map(drop), "weights of a crowd that plays clips"),
             (animated.play(2, &Playback::new(0)), "instance 2 of a crowd of 2"),
             (animated.play(0, &Playback::new(3)), "clip 3 of 3"),
             (animated.set_time(f64::NAN), "second NaN"),
+            (planned.play(0, &Playback::new(0)), "make it with create_animated_crowd"),
+            (planned.set_time(1.0), "a crowd that plays no clips"),
+            (planned.set_level(0, 1.0), "a crowd that plays no clips"),
         ] {
             crate::testing::says(result, &[words]);
         }
