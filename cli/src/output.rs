@@ -94,9 +94,15 @@ impl Output {
         self.lost.get().map_or(Ok(()), |kind| Err(Failure::io("stdout".as_ref(), "write", (*kind).into())))
     }
 
+    /// Says what the user should know about the input, the device or the result.
     pub fn warn(&self, text: impl fmt::Display) {
+        self.progress(format_args!("warning: {text}"));
+    }
+
+    /// Says what the program is doing.
+    pub fn progress(&self, text: impl fmt::Display) {
         if !self.quiet {
-            let _ = writeln!(std::io::stderr().lock(), "{}", fitted(&format!("warning: {}", Printable(text))));
+            let _ = writeln!(std::io::stderr().lock(), "{}", fitted(&Printable(text).to_string()));
         }
     }
 

@@ -119,7 +119,7 @@ impl<'a> Session<'a> {
         let (count, frames) = (configs.len(), self.args.frames);
         let schedule = Schedule { frames, rounds: ROUNDS.min(frames), limit: self.limit };
         let left = self.limit.mul_f64(((self.planned - self.begun + 1) * count) as f64);
-        self.out.warn(format_args!(
+        self.out.progress(format_args!(
             "{} of {}: {cell}: {count} configurations in {} rounds; up to {} s left",
             self.begun,
             self.planned,
