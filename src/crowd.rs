@@ -30,12 +30,12 @@ macro_rules! crowd_methods {
             Ok(())
         }
 
-        /// Adds an instance, in a place that [`remove`](Self::remove) freed, and returns its number: shown, with all
-        /// weights 0 and the crowd's error budget. The next update writes its pose from base. A new crowd has no free
-        /// places.
+        /// Adds an instance and returns its number, which is that of one that [`remove`](Self::remove) freed. It is
+        /// shown, with all weights 0 and the crowd's error budget, and the next update writes its pose from the base
+        /// pose.
         ///
         /// # Errors
-        /// No free place.
+        /// All instances of the crowd's capacity are in use, as they are in a new crowd.
         pub fn add(&mut self) -> Result<u32> {
             let instance = self.instances.add()?;
             self.parts().1.add(instance);
@@ -108,7 +108,7 @@ macro_rules! crowd_methods {
         }
 
         /// The requested weights of `instance`, one per target in the mesh's order, as they were set. Applied weights
-        /// may differ: fixed-point poses round them to their grid, and an error budget may defer changes. None if the
+        /// may differ: fixed-point poses round them to their grid, and an error budget may defer changes. Empty if the
         /// crowd plays clips.
         ///
         /// # Errors

@@ -3,7 +3,7 @@
 use super::{Semantic, StreamData, StreamDeltas};
 use crate::error::{Error, Result, ensure};
 use crate::math::far_middle;
-use crate::names::composed;
+use crate::names::index_of;
 use glam::{Vec2, Vec3};
 
 /// One corner of a face: indices into positions and texture coordinates.
@@ -224,7 +224,7 @@ impl KeptMesh {
 
     /// Returns the index of the target called `name`, in any Unicode form.
     pub fn target_index(&self, name: &str) -> Option<usize> {
-        self.targets.iter().position(|t| t.name == name || composed(&t.name) == composed(name))
+        index_of(self.targets.iter().map(|target| target.name.as_str()), name)
     }
 
     /// [`PackedMesh::recentre`](crate::PackedMesh::recentre), before the mesh is packed.

@@ -39,7 +39,7 @@ pub struct Ticket {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Update {
-    /// For [`Crowd::discard`](Crowd::discard), if the command buffer will never run.
+    /// For [`Crowd::discard`], if the command buffer will never run.
     pub ticket: Ticket,
     /// Statistics; all zero except the bound if nothing changed and nothing was recorded. Direct paths: of the draws,
     /// even if nothing changed.

@@ -117,7 +117,8 @@ impl Crowd {
     /// A changed level sends 32 bytes to the device, an unchanged one nothing.
     ///
     /// # Errors
-    /// An instance out of range; a level that is negative or NaN; a crowd created without an order of importance.
+    /// A crowd that plays no clips; an instance out of range; a level that is negative or NaN; a crowd created without
+    /// an order of importance.
     pub fn set_level(&mut self, instance: u32, level: f32) -> Result<()> {
         self.instances.check(instance)?;
         let Animated { playbacks, clips, .. } = self.animated_mut()?;
@@ -127,7 +128,8 @@ impl Crowd {
     /// Sets the clock of the next recorded update.
     ///
     /// # Errors
-    /// `seconds` is not finite or too large; more than 4.5 hours before the start of an instance's clip.
+    /// A crowd that plays no clips; `seconds` is not finite or too large; more than 4.5 hours before the start of an
+    /// instance's clip.
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         self.animated_mut()?.playbacks.set_time(seconds)
     }

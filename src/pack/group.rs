@@ -7,7 +7,7 @@ use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source
 use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
 use crate::error::{Error, Result, ensure};
 use crate::math::angle_degrees;
-use crate::names::composed;
+use crate::names::index_of;
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -289,7 +289,7 @@ impl PackedLayout {
     /// Index of the first target called `name`, in any Unicode form. A linear search: to set weights every frame, look
     /// it up once.
     pub fn target_index(&self, name: &str) -> Option<usize> {
-        self.targets.iter().position(|target| target.name == name || composed(&target.name) == composed(name))
+        index_of(self.targets.iter().map(|target| target.name.as_str()), name)
     }
 
     /// Converts a pose from pose-buffer order, with padding, to the user's vertex order, without padding. Missing
