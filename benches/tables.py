@@ -60,7 +60,7 @@ def short(number):
     return f"{number:.3g}"
 
 
-def millibytes(timed):
+def megabytes(timed):
     return short(timed["bytes_moved"] / 1e6)
 
 
@@ -132,9 +132,9 @@ def packed():
 
 
 def jitter():
-    print("`play ict_facekit --weights facegood… --path cpu --format small --noise 0.0005`, without and with a budget\n")
     clip = CLIPS[1]
     options = ["--format", "small", "--noise", "0.0005"]
+    print(f"`play {clip[0]} --weights {clip[1]} --path cpu {' '.join(options)}`, without and with `--error-budget 1e-4d`\n")
     without, budget = play(*clip, *options), play(*clip, *options, "--error-budget", "1e-4d")
     fewer = without["bytes_moved_mean"] / budget["bytes_moved_mean"]
     print(f"{fewer:.1f} times fewer bytes; largest error {budget['max_error_rel']:.1e}\n")
@@ -158,12 +158,12 @@ def techniques():
 def constant():
     options = ["--vertices", "10000", "--targets", "212", "--constant", "0,28,100,200", "--poses", "float32,fixed32"]
     runs = bench("--suite", "techniques", "--heads", "1", *options, "--formats", "float32,fast", "--time-limit", "0.2")
-    techniques_table(runs, lambda timed: f"{short(median(timed))} ({millibytes(timed)} MB)")
+    techniques_table(runs, lambda timed: f"{short(median(timed))} ({megabytes(timed)} MB)")
 
 
 def faces():
     runs = bench("--suite", "faces", "--draws", "1,3")
-    techniques_table(runs, lambda timed: f"{short(median(timed))} ({millibytes(timed)} MB)")
+    techniques_table(runs, lambda timed: f"{short(median(timed))} ({megabytes(timed)} MB)")
     error = max(timed["max_error_rel"] for timed in runs)
     print(f"largest error {error:.1e} of the diagonal\n")
 
