@@ -1107,7 +1107,7 @@ DmResult dm_gpu_mesh_destroy(struct DmGpuMesh mesh);
 DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, struct DmCrowd *crowd);
 
 /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Instances that have played
-/// no clip yet show the base pose. Any number of updates may be in flight; with steps after the pose, as many as
+/// no clip yet show the base pose. Any number of updates may be in flight; with post-morph passes, as many as
 /// `frames_in_flight` of the description.
 ///
 /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with

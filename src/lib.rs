@@ -8,7 +8,7 @@
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
-//!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are
+//!    take [`Crowd::previous_pose`]. Post-morph passes (skinning, normals of the surface, float32 of any pose) are
 //!    in [`after`]; [`WeightBounds`] are for culling. [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run

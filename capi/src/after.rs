@@ -1,4 +1,4 @@
-//! Steps after the pose, which write into buffers of the host's: decoded positions, normals of the morphed surface.
+//! Post-morph passes, which write into buffers of the host's: decoded positions, normals of the morphed surface.
 //! Skinning is in [`skin`](crate::skin).
 
 use crate::arguments::{check_reserved, or};

@@ -1,4 +1,4 @@
-//! The common part of entries of steps after the pose: uploads for a mesh, and targets of crowds.
+//! The common part of entries of post-morph passes: uploads for a mesh, and targets of crowds.
 
 use crate::arguments::check_command_buffer;
 use crate::crowd::State;

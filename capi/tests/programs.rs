@@ -196,7 +196,7 @@ fn the_layer_finds_a_missing_barrier() {
     assert!(messages(&output).iter().any(|line| line.contains("SYNC-HAZARD")), "{}", text(&output.stdout));
 }
 
-/// A set, the host's own vertices, and all steps after the pose; the face from arrays, and from a .glb.
+/// A set, the host's own vertices, and all post-morph passes; the face from arrays, and from a .glb.
 #[test]
 fn a_scene_is_what_c_computes_in_double_precision() {
     let program = build("capi/tests/scene.c", unchanged);

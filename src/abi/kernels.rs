@@ -155,7 +155,7 @@ const VERTEX: KernelRow = KernelRow {
     baseline: false,
 };
 const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
-/// A step after the pose.
+/// A post-morph pass.
 const STEP: KernelRow = KernelRow { poses: true, offsets: true, ..COMPUTE };
 /// Tables, state, work list, control: see animation.glsl.
 const ANIMATION: KernelRow =
@@ -217,7 +217,7 @@ macro_rules! kernels {
             $reads:tt => $written:ident, $push:ident $members:tt [$({ $($fields:tt)* }),*]
         }
     )*) => {
-        /// Every kernel: of measurements and of the library's own techniques, of steps after the pose, of baselines.
+        /// Every kernel: of measurements and of the library's own techniques, of post-morph passes, of baselines.
         pub const KERNELS: &[KernelRow] = &[
             $($ours,)*
             $($(KernelRow { push: stringify!($push), $($fields)*, ..STEP },)*)*

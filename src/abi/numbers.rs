@@ -17,7 +17,7 @@ shared! {
     /// Most targets of a dense compute pass with coefficients in push constants.
     DENSE_BATCH_MAX: u32 = 16;
 
-    /// Vertices of a piece, the unit in which steps after the pose list changes: the smallest block size.
+    /// Vertices of a piece, the unit in which post-morph passes list changes: the smallest block size.
     PIECE: u32 = 32;
 
     /// Most instances of a tile.

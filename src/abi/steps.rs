@@ -1,4 +1,4 @@
-//! The list of steps after the pose, shared by build.rs, the library and the tests.
+//! The list of post-morph passes, shared by build.rs, the library and the tests.
 //!
 //! A step is an item of `after_steps!`, a module in src/after/ (its target and per-instance state) and its kernels in
 //! glsl/. build.rs includes this file, so it is plain data without dependencies.

@@ -1,4 +1,4 @@
-//! Steps after the pose: they read the poses that an update wrote, and write output buffers of the host, for each
+//! Post-morph passes: they read the poses that an update wrote, and write output buffers of the host, for each
 //! instance that has a target.
 //!
 //! - [`DecodeTarget`]: a pose as float32, for readers that cannot decode it.

@@ -1,4 +1,4 @@
-//! Interface of a step after the pose: its dispatch for one instance.
+//! Interface of a post-morph pass: its dispatch for one instance.
 
 use super::pieces::Pieces;
 use crate::abi::modules::Kernel;
@@ -28,7 +28,7 @@ pub(crate) struct Job {
     pub(super) is_listed: bool,
 }
 
-/// A step after the pose, for one instance.
+/// A post-morph pass, for one instance.
 pub(crate) trait AfterStep: Any + Send + Sync {
     /// Adds to `written` the pieces to write when the pieces `changed` of the pose changed.
     fn spread(&self, changed: &Pieces, written: &mut Pieces) {

@@ -1,4 +1,4 @@
-//! A crowd's targets of steps after the pose, and the planning of the steps.
+//! A crowd's targets of post-morph passes, and the planning of the steps.
 
 use super::pieces::Pieces;
 use super::step::{AfterStep, Job, TargetContext};

@@ -1,4 +1,4 @@
-//! Targets of steps after the pose, and uploads for them.
+//! Targets of post-morph passes, and uploads for them.
 
 use super::MorphEngine;
 use super::base::Crowd;

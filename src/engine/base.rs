@@ -295,7 +295,7 @@ impl Crowd {
         PoseView::new(&self.groups[group].poses, instance, slot)
     }
 
-    /// Changes the targets of steps after the pose of an instance with `set`.
+    /// Changes the targets of post-morph passes of an instance with `set`.
     pub(super) fn set_after(
         &mut self,
         kernels: &Kernels,
@@ -311,7 +311,7 @@ impl Crowd {
     }
 
     /// Names of the steps of the update recorded last, in order: of its path (`blocks`, `compute`, …; crowds animated
-    /// on the GPU have a name for each step), then of [steps after the pose](crate::after). None if nothing was
+    /// on the GPU have a name for each step), then of [post-morph passes](crate::after). None if nothing was
     /// recorded. Labels ([`DeviceDesc::debug_names`](crate::DeviceDesc::debug_names)) have these names.
     pub fn step_names(&self) -> impl Iterator<Item = &'static str> {
         self.steps.firsts().map(|work| self.step_name(work))

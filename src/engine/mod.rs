@@ -75,7 +75,7 @@ use std::sync::{Arc, OnceLock};
 ///   `feedback` and `vertex-store` alternate between two slots in an update of several passes: frame n waits for the
 ///   draw of frame n - (slots + 1) / 2 (rounded down), or of n - (slots - 1) / 2 and at least of n - 1 if draws also
 ///   read the previous pose.
-/// - Outputs of [steps after the pose](crate::after) lie in the host's buffers, which the host shares among the
+/// - Outputs of [post-morph passes](crate::after) lie in the host's buffers, which the host shares among the
 ///   families itself. A target has one output buffer, which the draw of the previous frame reads; a skin target may
 ///   have two.
 ///
@@ -178,8 +178,8 @@ impl MorphEngine {
     /// Poses are fixed-point, so they do not drift. An [`error_budget`](crate::plan::UpdateDesc::error_budget)
     /// defers changes target by target. Slots rotate in every update. Instances that have not played anything show the
     /// base pose. [`UpdateStats`](crate::plan::UpdateStats) count one pass and nothing else, since only the GPU knows
-    /// the rest. Any number of updates may be in flight, since there is no ring of lists; with [steps after the
-    /// pose](crate::after), [`CrowdDesc::frames_in_flight`] at most.
+    /// the rest. Any number of updates may be in flight, since there is no ring of lists; with [post-morph
+    /// passes](crate::after), [`CrowdDesc::frames_in_flight`] at most.
     ///
     /// A [discarded](Crowd::discard) update changed nothing: poses are those of the update before it, and the
     /// next update does its work. Until then, instances added since have no pose, nor do those that were shown and

@@ -19,7 +19,7 @@ impl MorphEngine {
     /// [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
     ///
     /// It overwrites these bindings: the compute pipeline, its set 0 and push constants (`compute`, `blocks`,
-    /// `scatter`, and [steps after the pose](crate::after)); the graphics pipeline, vertex bindings from 0 on, push
+    /// `scatter`, and [post-morph passes](crate::after)); the graphics pipeline, vertex bindings from 0 on, push
     /// constants and transform-feedback binding 0 (`feedback`), or set 0 (`vertex-store`).
     ///
     /// The direct paths record nothing: their update is a list of weights for their draws.
@@ -43,8 +43,8 @@ impl MorphEngine {
     ///   later update of the crowd is submitted. Updates recorded after it are discarded with it, and never run either:
     ///   the next update reuses the memory of their lists.
     /// - Including this one, at most [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates of the
-    ///   crowd are recorded but unfinished; of one that plays clips without [steps after the
-    ///   pose](crate::after), any number.
+    ///   crowd are recorded but unfinished; of one that plays clips without [post-morph
+    ///   passes](crate::after), any number.
     /// - After an error or a panic the update does not count as recorded; after a panic `cmd` may contain some of its
     ///   commands, and must not be submitted.
     /// - Engine, mesh and crowd live until the device has finished.

@@ -58,7 +58,7 @@ pub struct DeviceDesc<'a> {
     pub enabled_features: vk::PhysicalDeviceFeatures,
     /// The host's pipeline cache, which the host loads and stores; `null()`: none. It belongs to this device and was
     /// made without `VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT`: any thread that makes crowds, or sets the
-    /// output of steps after the pose, uses it without a lock. It must outlive the engine and everything made by it.
+    /// output of post-morph passes, uses it without a lock. It must outlive the engine and everything made by it.
     /// The host may read it at any time (`vkGetPipelineCacheData`), make pipelines with it, and merge it into another;
     /// it may merge others into it (`vkMergePipelineCaches`) only while no thread is in a call of the engine that makes
     /// pipelines.

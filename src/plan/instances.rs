@@ -279,7 +279,7 @@ impl History {
     }
 }
 
-/// What becomes of the outputs that steps after the pose write for an instance.
+/// What becomes of the outputs that post-morph passes write for an instance.
 #[derive(Clone, Copy, Debug)]
 pub enum OutputChange {
     /// The next one is its own previous output.

@@ -2,7 +2,7 @@
 //!
 //! A technique plans an update as [`Steps`]. The works of a step are independent of each other; its [`Use`]s say which
 //! memory they read and write, and barriers between steps follow from that ([`Schedule`](super::schedule::Schedule)).
-//! Steps after the pose, such as skinning, are further steps of the update.
+//! Post-morph passes, such as skinning, are further steps of the update.
 //!
 //! A use names a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time for any
 //! number of instances. The hazard checker tracks every instance and slot.
@@ -316,7 +316,7 @@ pub enum Owner {
     /// The crowd's technique.
     #[default]
     Technique,
-    /// A step after the pose.
+    /// A post-morph pass.
     Step(PostMorphPass),
 }
 
@@ -325,7 +325,7 @@ pub enum Owner {
 pub struct Work {
     /// Planned and recorded by.
     pub owner: Owner,
-    /// Index of the technique's kernel; 0 for a step after the pose.
+    /// Index of the technique's kernel; 0 for a post-morph pass.
     pub kernel: u32,
     /// The group of the mesh.
     pub group: u32,

@@ -1,4 +1,4 @@
-//! Steps after the pose, and hosts' draws of their outputs.
+//! Post-morph passes, and hosts' draws of their outputs.
 
 mod formulas;
 mod host_vertices;

@@ -1,4 +1,4 @@
-//! Every step after the pose, under the same tests: a rig per step, and a test for each column of the resulting table.
+//! Every post-morph pass, under the same tests: a rig per step, and a test for each column of the resulting table.
 //! A step without a rig does not compile.
 
 use crate::buffers::Buffers;

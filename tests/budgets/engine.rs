@@ -153,7 +153,7 @@ unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::
     }
 }
 
-/// Makes every kind of every step after the pose.
+/// Makes every kind of every post-morph pass.
 ///
 /// # Safety
 /// Those of [`make_crowds`].

@@ -51,7 +51,7 @@ pub enum Memory {
     Counters,
     /// Indirect dispatch arguments, from those counts.
     Arguments,
-    /// An output of a step after the pose.
+    /// An output of a post-morph pass.
     After {
         /// The output.
         resource: Resource,
@@ -167,10 +167,10 @@ pub fn animated(work: &Work, instances: u32) -> Accesses {
     Accesses { group: work.group, ..accesses }
 }
 
-/// A step after the pose.
+/// A post-morph pass.
 fn after(kind: PostMorphPass, work: &Work) -> Accesses {
     let instance = work.instance;
-    let Source::Slot(slot) = work.source else { panic!("steps after the pose read a slot") };
+    let Source::Slot(slot) = work.source else { panic!("post-morph passes read a slot") };
     // Of the asset, steps read only the base pose.
     let memory = |resource| match resource {
         Resource::Asset => Memory::Base,
@@ -311,7 +311,7 @@ impl HazardChecker {
         self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexShader, Access::ShaderRead));
     }
 
-    /// The host reads an output of a step after the pose as vertex attributes.
+    /// The host reads an output of a post-morph pass as vertex attributes.
     pub fn read_after(&mut self, crowd: u32, memory: Memory) {
         self.read(place(crowd, 0, memory), Use::new(memory, Stage::VertexInput, Access::AttributeRead));
     }

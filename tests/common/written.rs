@@ -1,4 +1,4 @@
-//! The output of a step after the pose for each vertex, in a buffer of the host's.
+//! The output of a post-morph pass for each vertex, in a buffer of the host's.
 
 use crate::buffers::{Buffers, Shared};
 use deltamorph::ash::vk;

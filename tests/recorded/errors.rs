@@ -96,7 +96,7 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
     }
 }
 
-/// A mesh, a crowd, and the uploads of steps after the pose, all of one engine.
+/// A mesh, a crowd, and the uploads of post-morph passes, all of one engine.
 struct Made {
     mesh: GpuMesh,
     crowd: Crowd,

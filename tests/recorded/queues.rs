@@ -264,7 +264,7 @@ fn updates_run_on_a_queue_without_graphics() {
     });
 }
 
-/// Commands for such a queue name none of its missing stages: steps after the pose, and animated crowds.
+/// Commands for such a queue name none of its missing stages: post-morph passes, and animated crowds.
 #[test]
 fn what_follows_and_what_is_animated_names_no_graphics() {
     on_queues_with(vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER, |headless, engine| {

@@ -191,7 +191,7 @@ fn engine(headless: &Headless, limits: &DeviceCaps) -> MorphEngine {
     }
 }
 
-/// Two instances, with steps after the pose: decoded; skinned, and normals of the surface.
+/// Two instances, with post-morph passes: decoded; skinned, and normals of the surface.
 fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, update): (DeltaFormat, UpdateDesc)) {
     let what = format!("{} {format:?} {update:?}", headless.caps().name);
     let packed = gpu::packed(engine, mesh, format);

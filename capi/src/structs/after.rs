@@ -1,4 +1,4 @@
-//! Structures for steps after the pose.
+//! Structures for post-morph passes.
 
 use deltamorph::ash::vk;
 

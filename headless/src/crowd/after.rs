@@ -1,4 +1,4 @@
-//! Steps after the pose.
+//! Post-morph passes.
 
 use super::HeadlessCrowd;
 use deltamorph::Result;
