@@ -48,9 +48,10 @@ const devices = unique(lines.filter(line => line.device && !line.error).map(line
 console.log(`# Other engines
 
 The cost of morphing in other engines, and in deltamorph in the same run: milliseconds of a frame minus the same frame
-without targets, each waited for (medians over the frames of a run; least to most over the runs of a scene, all on one
-machine). In brackets: the ratio to deltamorph, run by run. [peers/README.md](../../peers/README.md) has the commands,
-and how poses are checked: only correct poses are timed. Software drivers on two cores.
+without targets, each waited for: the lowest to the highest median of a scene's runs, all on one machine. In brackets:
+the ratio to deltamorph in the same run. Vertices include those doubled at seams of texture coordinates.
+[peers/README.md](../../peers/README.md) has the commands, and how poses are checked: only correct poses are timed.
+Software drivers on two cores.
 
 ${devices.join('\n')}
 `);
@@ -69,7 +70,7 @@ function about(scene) {
 
 for (const scene of unique(lines.map(line => line.scene))) {
   const mine = lines.filter(line => line.scene === scene);
-  const text = scene.endsWith('-20k') ? 'The same head, of 20,000 vertices.' : about(scene);
+  const text = scene.endsWith('-20k') ? 'The built-in head with 20,000 vertices.' : about(scene);
   const count = runs.filter(run => [...run.values()].some(line => line.scene === scene)).length;
   console.log(`## ${scene}\n\n${text} ${count} runs.\n\n| | ${Object.values(TITLES).join(' | ')} |\n|---|---|---|---|`);
   for (const peer of unique(mine.filter(line => !line.error).map(line => line.peer)))
@@ -79,4 +80,4 @@ for (const scene of unique(lines.map(line => line.scene))) {
   for (const [peer, error] of new Map(errors)) console.log(`| ${peer} | not timed: ${error} | | |`);
   console.log();
 }
-console.log(`## Where another takes less\n\n${faster.map(line => `- ${line}`).join('\n') || 'Nowhere here.'}`);
+console.log(`## Where another takes less\n\nTheir time, relative to deltamorph's:\n\n${faster.map(line => `- ${line}`).join('\n') || 'Nowhere here.'}`);
