@@ -22,8 +22,8 @@
  * default values. Structures may get further fields at their end: a program that was built with an older header gets
  * their defaults; a library that is older than the header refuses fields that are set and that it does not know.
  *
- * Threads. Any function may be called on any thread. Calls that change one object wait for each other; the order is
- * yours. Command buffers and queues are synchronised by you, as Vulkan says.
+ * Threads. Any function may be called on any thread. Calls that change one object wait for each other, in an order that
+ * you determine. Command buffers and queues are synchronised by you, as Vulkan says.
  *
  * Vulkan. The engine borrows your device and records into your command buffers; it never submits or waits. "Safety"
  * names what cannot be checked, and is your responsibility. Uploads, updates and draws run on queues of one family with
@@ -47,7 +47,7 @@
 /// Keep all deltas except zeros.
 #define DM_MESH_KEEP_ALL 4
 
-/// What the mesh has otherwise than its file: left out, merged, averaged, computed. Later versions may have further
+/// How the mesh differs from its file: what was left out, merged, averaged or computed. Later versions may have further
 /// severities; greater ones are worse.
 #define DM_MESSAGE_NOTE 1
 
@@ -72,7 +72,7 @@
 /// Six integers of 16 bits, without drift.
 #define DM_POSE_FIXED16 3
 
-/// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
+/// Like `DM_POSE_FIXED16`, and decoded like it, but the sum is rounded once: for rigs with many overlapping targets
 /// (`DM_PATH_BLOCKS`, block formats).
 #define DM_POSE_REBUILT16 4
 
@@ -184,8 +184,8 @@ typedef struct DmMeshInfo {
     uint32_t index_count;
     /// `DM_DELTAS_...`, storage of the deltas.
     uint32_t delta_format;
-    /// The length that errors are fractions of, in input units: the bounding-box diagonal of the base pose, or of the
-    /// smallest part of it that targets move, if there are several far apart.
+    /// The length that errors are fractions of, in input units: the diagonal of the bounding box of what targets move
+    /// (of the smallest such part, if several are far apart).
     float diagonal;
     /// Zero.
     uint32_t reserved;
@@ -220,9 +220,9 @@ typedef struct DmEngine {
     uint64_t bits;
 } DmEngine;
 
-/// Takes a message: `DM_MESSAGE_...`, and a text in UTF-8, ended by a zero, valid until the function returns. The library
-/// calls it only while the call that it was handed to runs, and on that thread; it may call the library. No exception,
-/// panic or longjmp may leave it.
+/// Receives a message: `DM_MESSAGE_...`, and a text in UTF-8, ended by a zero, valid until the function returns. The
+/// library calls it only during the call that it was passed to, and on that thread; it may call the library. No
+/// exception, panic or longjmp may leave it.
 typedef void (*DmMessage)(void *user, uint32_t severity, const char *text);
 
 /// How to import and pack a mesh. Zeros are the defaults.
@@ -231,7 +231,7 @@ typedef struct DmMeshDesc {
     uint32_t struct_size;
     /// `DM_MESH_...`, combined.
     uint32_t flags;
-    /// The engine for whose limits dense formats are split; zero: the limits of any phone.
+    /// The engine for whose limits dense formats are split; zero: the limits of Khronos' Android baseline.
     struct DmEngine engine;
     /// Shorter position deltas are dropped, as a fraction of the diagonal (`DmMeshInfo`); 0: 1e-6.
     float position_tolerance;
@@ -249,9 +249,9 @@ typedef struct DmMeshDesc {
     float absolute_error;
     /// Largest absolute weight that 32-bit fixed-point poses accept; 0: 4 (block formats).
     float weight_max;
-    /// Called with each message on the mesh; null: nobody is told. Packed files have none, errors are results.
+    /// Called with each message on the mesh; null: messages are dropped. Packed files have none, errors are results.
     DmMessage message;
-    /// Handed to `message`. Neither is kept after the call that gets this structure.
+    /// Passed to `message`. Neither is used after the call that gets this structure.
     void *message_user;
 } DmMeshDesc;
 
@@ -381,7 +381,7 @@ typedef struct DmHostMemory {
     uint64_t offset;
     /// Where the first byte is mapped, until it is freed; null if HOST_VISIBLE was not required.
     void *mapped;
-    /// Anything of the host's, to know it again.
+    /// Any value, by which the host identifies the memory.
     uint64_t token;
 } DmHostMemory;
 
@@ -433,12 +433,12 @@ typedef struct DmEngineDesc {
     /// Families.
     uint64_t queue_family_count;
     /// The host's functions for device memory, both or neither: each buffer of the library's then has memory of its own
-    /// from them. Called within calls of the library, on any thread, also on several at once; they call nothing of it.
-    /// Null: the library allocates.
+    /// from them. Called within calls of the library, on any thread, also on several at once; they call no function of
+    /// the library. Null: the library allocates.
     DmAllocateMemory allocate_memory;
     /// Takes back what `allocate_memory` handed out.
     DmFreeMemory free_memory;
-    /// Handed to both functions. It and they have to live until the engine, and all meshes and crowds made with it, are
+    /// Passed to both functions. It and they have to live until the engine, and all meshes and crowds made with it, are
     /// destroyed.
     void *memory_user;
 } DmEngineDesc;
@@ -487,8 +487,9 @@ typedef struct DmGpuMesh {
 typedef struct DmStreamPlace {
     /// `DM_STREAM_...`.
     uint32_t stream;
-    /// Bytes from the beginning of a vertex to its first component: a multiple of 4; of 2 in 16-bit fixed-point poses,
-    /// where a stream brings the six numbers of its pair (position and normal, for example), which stay together.
+    /// Bytes from the beginning of a vertex to its first component: a multiple of 4. In 16-bit fixed-point poses a
+    /// multiple of 2; there the six numbers of a stream's group (position and normal, for example) are written
+    /// together.
     uint32_t offset;
 } DmStreamPlace;
 
@@ -520,8 +521,8 @@ typedef struct DmHostPoses {
 typedef struct DmCrowdDesc {
     /// sizeof(DmCrowdDesc).
     uint32_t struct_size;
-    /// Instances, each with its own weights and poses; 0: 1. The number stays as it is: make as many as are needed at
-    /// most, and remove or hide the rest.
+    /// Instances, each with its own weights and poses; 0: 1. The number is fixed: make the most that will be needed,
+    /// and remove or hide the rest.
     uint32_t instances;
     /// `DM_PATH_...`; 0: blocks.
     uint32_t path;
@@ -542,7 +543,8 @@ typedef struct DmCrowdDesc {
     /// Largest absolute weight that fixed-point poses have to hold; 0: 1 in 16 bits, in 32 bits the one that the mesh
     /// was packed with.
     float weight_max;
-    /// Largest distance of a vertex from its exact position, as a length in input units; 0: no change is deferred.
+    /// Error budget, a length in input units: changes that move a vertex by less are deferred until they add up to
+    /// more; 0: none is deferred.
     float error_budget;
     /// VkBufferUsageFlags of pose buffers, in addition to vertex, storage and storage texel buffer, and source of
     /// copies.
@@ -835,8 +837,8 @@ typedef struct DmWeightBounds {
 /// A handle is null, of another kind, or of an object that was destroyed.
 #define DM_ERROR_HANDLE 1000
 
-/// A defect of the library stopped the call. Objects that it was changing can only be destroyed. A library that was
-/// built to end the process instead (the profile `small`) never returns it.
+/// A bug of the library stopped the call. Objects that it was changing can only be destroyed. A library that was built
+/// to end the process instead (the profile `small`) never returns it.
 #define DM_ERROR_PANIC 1001
 
 #ifdef __cplusplus
@@ -951,7 +953,7 @@ DmResult dm_mesh_evaluate(struct DmMesh mesh, const float *weights, uint32_t wei
 /// the triangles that it is drawn as. If the sum is zero (no face, or faces without area), the normal is (0, 0, 1). The
 /// normal delta of a target is the difference of two such normals; 0 if the deformed surface has none.
 ///
-/// What of the file was left out, merged, averaged or computed is told to DmMeshDesc::message.
+/// DmMeshDesc::message receives what of the file was left out, merged, averaged or computed.
 ///
 /// Errors: DM_ERROR_IO if nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with the file, the position in it
 /// and a remedy; DM_ERROR_INVALID for invalid fields of `desc`.
@@ -1014,9 +1016,9 @@ DmResult dm_clip_info(struct DmClip clip, struct DmClipInfo *info);
 /// Destroy a clip. Objects made from it stay.
 DmResult dm_clip_destroy(struct DmClip clip);
 
-/// Bind the columns of a clip to the targets of a mesh, by name, across case, separators, sides (`_L`, `Left`) and what
-/// programs put before a name. Columns that name no target are left out: time, head angles, targets of other meshes.
-/// Targets without a column have the weight 0.
+/// Bind the columns of a clip to the targets of a mesh, by name, regardless of case, separators, the spelling of sides
+/// (`_L`, `Left`) and prefixes that programs add. Columns that name no target are left out: time, head angles, targets
+/// of other meshes. Targets without a column have the weight 0.
 ///
 /// Errors: DM_ERROR_INVALID if no column names a target, with the most similar name; two columns of one name; a weight
 /// that is not finite.
@@ -1093,7 +1095,7 @@ DmResult dm_mesh_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMe
 /// Destroy a mesh on the device. Crowds keep the data that they need.
 ///
 /// Safety:
-/// The device uses the mesh only for its crowds: its upload has run, or never will.
+/// The upload has finished, or will never run. Crowds of the mesh may be in use.
 DmResult dm_gpu_mesh_destroy(struct DmGpuMesh mesh);
 
 /// Make pose buffers and pipelines for instances of a mesh, all weights 0. The first update writes their base poses.
@@ -1131,8 +1133,8 @@ DmResult dm_crowd_create_animated(struct DmGpuMesh mesh,
 /// The device no longer uses them.
 DmResult dm_crowd_destroy(struct DmCrowd crowd);
 
-/// Tell that the next pose of an instance has no predecessor (it was teleported, for example): its previous pose will
-/// be the pose itself, so that motion vectors come out as zero. `dm_crowd_set_hidden` implies this.
+/// Reset the history of an instance (which was teleported, for example): the previous pose of its next pose will be
+/// that pose itself, so that motion vectors are zero. `dm_crowd_set_hidden` implies this.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 DmResult dm_crowd_reset_history(struct DmCrowd crowd, uint32_t instance);
@@ -1217,9 +1219,9 @@ DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t t
 ///   size.
 DmResult dm_record_update(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
 
-/// Tell that the update of a ticket and all later ones of the crowd will never run: the contents of the poses that they
-/// would have written are unknown, and the next update writes them again. An update that was discarded before stays
-/// discarded.
+/// Discard the update of a ticket and all later ones of the crowd, which will never run: the contents of the poses that
+/// they would have written are unknown, and the next update writes them again. Discarding an update twice changes
+/// nothing.
 ///
 /// Errors: DM_ERROR_INVALID for a ticket of another crowd, or of an update before the last 1024.
 ///
@@ -1228,7 +1230,7 @@ DmResult dm_record_update(VkCommandBuffer cmd, uint32_t count, const struct DmCr
 DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 
 /// Get the buffer and layout of an instance's pose, and of the pose before its last update, for motion vectors. They
-/// are there once the updates recorded so far have run.
+/// are valid once the updates recorded so far have run.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed; if no update was recorded yet, or the instance's
 /// update was discarded.
@@ -1290,7 +1292,7 @@ DmResult dm_readback_pose(struct DmReadback readback, uint32_t at, uint32_t stre
 /// Commands recorded with it have finished, or never run.
 DmResult dm_readback_destroy(struct DmReadback readback);
 
-/// Have the positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
+/// Write the positions of an instance as float32 into a buffer of the host's, from the next recorded update on;
 /// `target` null: stop. What is written is ready for the crowd's consumers.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset or stride that does not fit. Nothing
@@ -1320,10 +1322,10 @@ DmResult dm_surface_upload(struct DmEngine engine, VkCommandBuffer cmd, struct D
 /// Destroy a surface. Instances whose normals it computes keep the data that they need.
 ///
 /// Safety:
-/// The device uses it only for its crowds: its upload has run, or never will.
+/// The upload has finished, or will never run. Crowds may be using it.
 DmResult dm_surface_destroy(struct DmSurface surface);
 
-/// Have the normals of an instance's pose computed from its morphed surface, into a buffer of the host's, from the next
+/// Compute the normals of an instance's pose from its morphed surface, into a buffer of the host's, from the next
 /// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: stop; `surface`
 /// is ignored then.
 ///
@@ -1359,11 +1361,11 @@ DmResult dm_skin_upload(struct DmEngine engine,
 /// Destroy a skin. Instances that are skinned by it keep the data that they need.
 ///
 /// Safety:
-/// The device uses it only for its crowds: its upload has run, or never will.
+/// The upload has finished, or will never run. Crowds may be using it.
 DmResult dm_skin_destroy(struct DmSkin skin);
 
-/// Have an instance skinned into a buffer of the host's, from the next recorded update on; `target` null: stop; `skin`
-/// is ignored then. If joints moved (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the
+/// Skin an instance into a buffer of the host's, from the next recorded update on; `target` null: stop; `skin` is
+/// ignored then. If joints moved (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the
 /// vertices that the update changed. What is written is ready for the crowd's consumers.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
@@ -1378,9 +1380,9 @@ DmResult dm_crowd_set_skin_target(struct DmCrowd crowd,
                                   struct DmSkin skin,
                                   const struct DmSkinTarget *target);
 
-/// Tell that the joints of a skinned instance moved: from the next recorded update on they are those at `offset` of
-/// their buffer, in bytes, a multiple of 16. The offset may stay the same if the host's barriers order its writes; with
-/// several frames in flight and joints that the host writes, use several offsets in turn.
+/// Set the joints of a skinned instance after they moved: from the next recorded update on, those at byte `offset` of
+/// their buffer, a multiple of 16. The offset may stay the same if the host's barriers order its writes; with several
+/// frames in flight and joints that the host writes, use several offsets in turn.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; joints that reach beyond their
 /// buffer. Nothing changes then.
@@ -1406,8 +1408,8 @@ DmResult dm_crowd_skinned(struct DmCrowd crowd, uint32_t instance, struct DmSkin
 DmResult dm_weight_bounds_create(struct DmMesh mesh, const struct DmCrowdDesc *desc, struct DmWeightBounds *bounds);
 
 /// Write bounds of the pose with these weights, one weight for each target: six numbers, the least x, y and z of any
-/// vertex, then the greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update
-/// that wrote the pose. For a mesh without vertices the least are infinite.
+/// vertex, then the greatest. `bound` is how far updates may have moved vertices beyond the exact pose: DmUpdate::bound
+/// of the update that wrote the pose. For a mesh without vertices the least are infinite.
 ///
 /// Errors: DM_ERROR_INVALID for a wrong number of weights, a weight that is not finite.
 ///

@@ -11,7 +11,7 @@ use deltamorph::ash::vk;
 
 handle!(DmSurface for Attached<GpuNormals>);
 
-/// Have the positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
+/// Write the positions of an instance as float32 into a buffer of the host's, from the next recorded update on;
 /// `target` null: stop. What is written is ready for the crowd's consumers.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset or stride that does not fit. Nothing
@@ -81,13 +81,13 @@ pub unsafe extern "C" fn dm_surface_upload(
 /// Destroy a surface. Instances whose normals it computes keep the data that they need.
 ///
 /// # Safety
-/// The device uses it only for its crowds: its upload has run, or never will.
+/// The upload has finished, or will never run. Crowds may be using it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_surface_destroy(surface: DmSurface) -> DmResult {
     enter("dm_surface_destroy", || surface.destroy(|_| Ok(())))
 }
 
-/// Have the normals of an instance's pose computed from its morphed surface, into a buffer of the host's, from the next
+/// Compute the normals of an instance's pose from its morphed surface, into a buffer of the host's, from the next
 /// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: stop; `surface`
 /// is ignored then.
 ///

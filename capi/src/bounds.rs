@@ -44,8 +44,8 @@ pub unsafe extern "C" fn dm_weight_bounds_create(
 }
 
 /// Write bounds of the pose with these weights, one weight for each target: six numbers, the least x, y and z of any
-/// vertex, then the greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update
-/// that wrote the pose. For a mesh without vertices the least are infinite.
+/// vertex, then the greatest. `bound` is how far updates may have moved vertices beyond the exact pose: DmUpdate::bound
+/// of the update that wrote the pose. For a mesh without vertices the least are infinite.
 ///
 /// Errors: DM_ERROR_INVALID for a wrong number of weights, a weight that is not finite.
 ///

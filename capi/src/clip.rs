@@ -105,9 +105,9 @@ pub extern "C" fn dm_clip_destroy(clip: DmClip) -> DmResult {
     enter("dm_clip_destroy", || clip.destroy(|_| Ok(())))
 }
 
-/// Bind the columns of a clip to the targets of a mesh, by name, across case, separators, sides (`_L`, `Left`) and what
-/// programs put before a name. Columns that name no target are left out: time, head angles, targets of other meshes.
-/// Targets without a column have the weight 0.
+/// Bind the columns of a clip to the targets of a mesh, by name, regardless of case, separators, the spelling of sides
+/// (`_L`, `Left`) and prefixes that programs add. Columns that name no target are left out: time, head angles, targets
+/// of other meshes. Targets without a column have the weight 0.
 ///
 /// Errors: DM_ERROR_INVALID if no column names a target, with the most similar name; two columns of one name; a weight
 /// that is not finite.

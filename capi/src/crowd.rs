@@ -227,8 +227,8 @@ pub unsafe extern "C" fn dm_crowd_destroy(crowd: DmCrowd) -> DmResult {
     enter("dm_crowd_destroy", || crowd.destroy(|_| Ok(())))
 }
 
-/// Tell that the next pose of an instance has no predecessor (it was teleported, for example): its previous pose will
-/// be the pose itself, so that motion vectors come out as zero. `dm_crowd_set_hidden` implies this.
+/// Reset the history of an instance (which was teleported, for example): the previous pose of its next pose will be
+/// that pose itself, so that motion vectors are zero. `dm_crowd_set_hidden` implies this.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]

@@ -134,7 +134,7 @@ pub(crate) unsafe fn create(
 /// the triangles that it is drawn as. If the sum is zero (no face, or faces without area), the normal is (0, 0, 1). The
 /// normal delta of a target is the difference of two such normals; 0 if the deformed surface has none.
 ///
-/// What of the file was left out, merged, averaged or computed is told to DmMeshDesc::message.
+/// DmMeshDesc::message receives what of the file was left out, merged, averaged or computed.
 ///
 /// Errors: DM_ERROR_IO if nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with the file, the position in it
 /// and a remedy; DM_ERROR_INVALID for invalid fields of `desc`.

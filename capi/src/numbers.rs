@@ -12,7 +12,7 @@ pub const DM_MESH_WELD: u32 = 2;
 /// Keep all deltas except zeros.
 pub const DM_MESH_KEEP_ALL: u32 = 4;
 
-/// What the mesh has otherwise than its file: left out, merged, averaged, computed. Later versions may have further
+/// How the mesh differs from its file: what was left out, merged, averaged or computed. Later versions may have further
 /// severities; greater ones are worse.
 pub const DM_MESSAGE_NOTE: u32 = 1;
 
@@ -31,7 +31,7 @@ pub const DM_POSE_FLOAT32: u32 = 1;
 pub const DM_POSE_FIXED32: u32 = 2;
 /// Six integers of 16 bits, without drift.
 pub const DM_POSE_FIXED16: u32 = 3;
-/// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
+/// Like `DM_POSE_FIXED16`, and decoded like it, but the sum is rounded once: for rigs with many overlapping targets
 /// (`DM_PATH_BLOCKS`, block formats).
 pub const DM_POSE_REBUILT16: u32 = 4;
 

@@ -103,9 +103,9 @@ unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<
     Ok(all)
 }
 
-/// Tell that the update of a ticket and all later ones of the crowd will never run: the contents of the poses that they
-/// would have written are unknown, and the next update writes them again. An update that was discarded before stays
-/// discarded.
+/// Discard the update of a ticket and all later ones of the crowd, which will never run: the contents of the poses that
+/// they would have written are unknown, and the next update writes them again. Discarding an update twice changes
+/// nothing.
 ///
 /// Errors: DM_ERROR_INVALID for a ticket of another crowd, or of an update before the last 1024.
 ///

@@ -28,8 +28,8 @@ pub const DM_ERROR_DEVICE_LOST: DmResult = 6;
 pub const DM_ERROR_VULKAN: DmResult = 7;
 /// A handle is null, of another kind, or of an object that was destroyed.
 pub const DM_ERROR_HANDLE: DmResult = 1000;
-/// A defect of the library stopped the call. Objects that it was changing can only be destroyed. A library that was
-/// built to end the process instead (the profile `small`) never returns it.
+/// A bug of the library stopped the call. Objects that it was changing can only be destroyed. A library that was built
+/// to end the process instead (the profile `small`) never returns it.
 pub const DM_ERROR_PANIC: DmResult = 1001;
 
 /// Why a call failed.

@@ -54,14 +54,14 @@ pub unsafe extern "C" fn dm_skin_upload(
 /// Destroy a skin. Instances that are skinned by it keep the data that they need.
 ///
 /// # Safety
-/// The device uses it only for its crowds: its upload has run, or never will.
+/// The upload has finished, or will never run. Crowds may be using it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_skin_destroy(skin: DmSkin) -> DmResult {
     enter("dm_skin_destroy", || skin.destroy(|_| Ok(())))
 }
 
-/// Have an instance skinned into a buffer of the host's, from the next recorded update on; `target` null: stop; `skin`
-/// is ignored then. If joints moved (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the
+/// Skin an instance into a buffer of the host's, from the next recorded update on; `target` null: stop; `skin` is
+/// ignored then. If joints moved (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the
 /// vertices that the update changed. What is written is ready for the crowd's consumers.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
@@ -106,9 +106,9 @@ fn skin_target(asked: &DmSkinTarget) -> Result<SkinTarget> {
     })
 }
 
-/// Tell that the joints of a skinned instance moved: from the next recorded update on they are those at `offset` of
-/// their buffer, in bytes, a multiple of 16. The offset may stay the same if the host's barriers order its writes; with
-/// several frames in flight and joints that the host writes, use several offsets in turn.
+/// Set the joints of a skinned instance after they moved: from the next recorded update on, those at byte `offset` of
+/// their buffer, a multiple of 16. The offset may stay the same if the host's barriers order its writes; with several
+/// frames in flight and joints that the host writes, use several offsets in turn.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; joints that reach beyond their
 /// buffer. Nothing changes then.

@@ -53,7 +53,7 @@ pub unsafe extern "C" fn dm_mesh_upload(
 /// Destroy a mesh on the device. Crowds keep the data that they need.
 ///
 /// # Safety
-/// The device uses the mesh only for its crowds: its upload has run, or never will.
+/// The upload has finished, or will never run. Crowds of the mesh may be in use.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_gpu_mesh_destroy(mesh: DmGpuMesh) -> DmResult {
     enter("dm_gpu_mesh_destroy", || mesh.destroy(|_| Ok(())))

@@ -41,7 +41,7 @@ pub(crate) fn stream_view(view: &StreamView) -> DmStreamView {
 }
 
 /// Get the buffer and layout of an instance's pose, and of the pose before its last update, for motion vectors. They
-/// are there once the updates recorded so far have run.
+/// are valid once the updates recorded so far have run.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed; if no update was recorded yet, or the instance's
 /// update was discarded.

@@ -10,8 +10,8 @@ use std::ffi::c_char;
 pub struct DmCrowdDesc {
     /// sizeof(DmCrowdDesc).
     pub struct_size: u32,
-    /// Instances, each with its own weights and poses; 0: 1. The number stays as it is: make as many as are needed at
-    /// most, and remove or hide the rest.
+    /// Instances, each with its own weights and poses; 0: 1. The number is fixed: make the most that will be needed,
+    /// and remove or hide the rest.
     pub instances: u32,
     /// `DM_PATH_…`; 0: blocks.
     pub path: u32,
@@ -32,7 +32,8 @@ pub struct DmCrowdDesc {
     /// Largest absolute weight that fixed-point poses have to hold; 0: 1 in 16 bits, in 32 bits the one that the mesh
     /// was packed with.
     pub weight_max: f32,
-    /// Largest distance of a vertex from its exact position, as a length in input units; 0: no change is deferred.
+    /// Error budget, a length in input units: changes that move a vertex by less are deferred until they add up to
+    /// more; 0: none is deferred.
     pub error_budget: f32,
     /// VkBufferUsageFlags of pose buffers, in addition to vertex, storage and storage texel buffer, and source of
     /// copies.
@@ -79,8 +80,9 @@ pub struct DmHostPoses {
 pub struct DmStreamPlace {
     /// `DM_STREAM_…`.
     pub stream: u32,
-    /// Bytes from the beginning of a vertex to its first component: a multiple of 4; of 2 in 16-bit fixed-point poses,
-    /// where a stream brings the six numbers of its pair (position and normal, for example), which stay together.
+    /// Bytes from the beginning of a vertex to its first component: a multiple of 4. In 16-bit fixed-point poses a
+    /// multiple of 2; there the six numbers of a stream's group (position and normal, for example) are written
+    /// together.
     pub offset: u32,
 }
 

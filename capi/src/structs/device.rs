@@ -56,12 +56,12 @@ pub struct DmEngineDesc {
     /// Families.
     pub queue_family_count: u64,
     /// The host's functions for device memory, both or neither: each buffer of the library's then has memory of its own
-    /// from them. Called within calls of the library, on any thread, also on several at once; they call nothing of it.
-    /// Null: the library allocates.
+    /// from them. Called within calls of the library, on any thread, also on several at once; they call no function of
+    /// the library. Null: the library allocates.
     pub allocate_memory: DmAllocateMemory,
     /// Takes back what `allocate_memory` handed out.
     pub free_memory: DmFreeMemory,
-    /// Handed to both functions. It and they have to live until the engine, and all meshes and crowds made with it, are
+    /// Passed to both functions. It and they have to live until the engine, and all meshes and crowds made with it, are
     /// destroyed.
     pub memory_user: *mut c_void,
 }
@@ -94,7 +94,7 @@ pub struct DmHostMemory {
     pub offset: u64,
     /// Where the first byte is mapped, until it is freed; null if HOST_VISIBLE was not required.
     pub mapped: *mut c_void,
-    /// Anything of the host's, to know it again.
+    /// Any value, by which the host identifies the memory.
     pub token: u64,
 }
 

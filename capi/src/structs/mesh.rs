@@ -11,7 +11,7 @@ pub struct DmMeshDesc {
     pub struct_size: u32,
     /// `DM_MESH_…`, combined.
     pub flags: u32,
-    /// The engine for whose limits dense formats are split; zero: the limits of any phone.
+    /// The engine for whose limits dense formats are split; zero: the limits of Khronos' Android baseline.
     pub engine: DmEngine,
     /// Shorter position deltas are dropped, as a fraction of the diagonal (`DmMeshInfo`); 0: 1e-6.
     pub position_tolerance: f32,
@@ -29,15 +29,15 @@ pub struct DmMeshDesc {
     pub absolute_error: f32,
     /// Largest absolute weight that 32-bit fixed-point poses accept; 0: 4 (block formats).
     pub weight_max: f32,
-    /// Called with each message on the mesh; null: nobody is told. Packed files have none, errors are results.
+    /// Called with each message on the mesh; null: messages are dropped. Packed files have none, errors are results.
     pub message: DmMessage,
-    /// Handed to `message`. Neither is kept after the call that gets this structure.
+    /// Passed to `message`. Neither is used after the call that gets this structure.
     pub message_user: *mut c_void,
 }
 
-/// Takes a message: `DM_MESSAGE_…`, and a text in UTF-8, ended by a zero, valid until the function returns. The library
-/// calls it only while the call that it was handed to runs, and on that thread; it may call the library. No exception,
-/// panic or longjmp may leave it.
+/// Receives a message: `DM_MESSAGE_…`, and a text in UTF-8, ended by a zero, valid until the function returns. The
+/// library calls it only during the call that it was passed to, and on that thread; it may call the library. No
+/// exception, panic or longjmp may leave it.
 pub type DmMessage = Option<unsafe extern "C" fn(user: *mut c_void, severity: u32, text: *const c_char)>;
 
 /// A base pose and its targets: arrays with one element per vertex, or null for missing data.
@@ -122,8 +122,8 @@ pub struct DmMeshInfo {
     pub index_count: u32,
     /// `DM_DELTAS_…`, storage of the deltas.
     pub delta_format: u32,
-    /// The length that errors are fractions of, in input units: the bounding-box diagonal of the base pose, or of the
-    /// smallest part of it that targets move, if there are several far apart.
+    /// The length that errors are fractions of, in input units: the diagonal of the bounding box of what targets move
+    /// (of the smallest such part, if several are far apart).
     pub diagonal: f32,
     /// Zero.
     pub reserved: u32,
