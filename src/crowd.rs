@@ -30,9 +30,8 @@ macro_rules! crowd_methods {
             Ok(())
         }
 
-        /// Adds an instance and returns its number, which is that of one that [`remove`](Self::remove) freed. It is
-        /// shown, with all weights 0 and the crowd's error budget, and the next update writes its pose from the base
-        /// pose.
+        /// Adds an instance and returns its number, one that [`remove`](Self::remove) has freed. It is shown, with all
+        /// weights 0 and the crowd's error budget, and the next update writes its pose from the base pose.
         ///
         /// # Errors
         /// All instances of the crowd's capacity are in use, as they are in a new crowd.

@@ -46,25 +46,25 @@
 //! }
 //! ```
 //!
-//! [`MorphEngine`] says what the caller is responsible for; `examples/minimal.rs` is a complete host. Without
-//! Vulkan, [`CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from the truth.
+//! [`MorphEngine`] says what the caller is responsible for; `examples/minimal.rs` is a complete host. Without Vulkan,
+//! [`CpuCrowd`] takes the same descriptions. [`mod@reference`] tells how far a pose is from a float64 evaluation.
 //!
 //! # Features
-//! `obj` is on by default. Without `obj`, `csv` and `gltf`, names of targets are compared as the host gives them, in no
-//! Unicode form of their own.
+//! `obj` is on by default. Without `obj`, `csv` and `gltf`, names of targets are compared without Unicode
+//! normalisation.
 //! - `obj`: meshes from folders of OBJ files.
 //! - `csv`: weight clips from CSV files.
 //! - `gltf`: meshes, weight animations and skins from glTF files.
 //! - `threads`: the path `cpu` and the importer on several threads.
-//! - `baselines`: the kernels of others' techniques, which are the package deltamorph-baselines.
+//! - `baselines`: the kernels of published techniques, which the package deltamorph-baselines implements.
 //! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in
 //!   under `spirv/` are linked.
 
-// Below the gpu line it is allowed, each time with its reason.
+// Modules below the GPU boundary (ARCHITECTURE.md) allow it, each time with a reason.
 #![deny(unsafe_code)]
-// A new variant of an enum of ours is looked at wherever it matters.
+// A new variant of an enum is a compile error wherever the enum is matched.
 #![cfg_attr(not(test), deny(clippy::wildcard_enum_match_arm))]
-// Packages of this repository need more than an engine does; with the feature, what nobody uses is still found.
+// Without the feature, items that only packages of this repository use would be reported as unused.
 #![cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
 
 // What unit tests share with other tests, which name this crate.
@@ -147,7 +147,7 @@ pub mod internals {
     pub use crate::io::{TEXT_MAX, read_bounded, unfinished, write_replacing};
     pub use crate::math::{angle_degrees, diagonal};
 
-    /// Whatever is public in these rooms.
+    /// Re-exports all public items of these modules.
     macro_rules! opened {
         ($($room:ident)*) => {
             $(pub mod $room {

@@ -126,7 +126,7 @@ pub struct SampleArgs {
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Delta format, one that stores blocks [default: small]
+    /// Delta format: fast or small [default: small]
     #[arg(long, value_name = "FORMAT")]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub format: Option<DeltaFormat>,
@@ -222,8 +222,9 @@ pub struct InputArgs {
     pub input: Option<PathBuf>,
     #[command(flatten)]
     pub head: HeadArgs,
-    /// Drop position deltas up to this length, as a fraction of the diagonal. The diagonal is that of the bounding box
-    /// of the smallest group of parts that targets move, here and in all other options and results; `info` prints it
+    /// Drop position deltas up to this length, as a fraction of the diagonal. In all options and results, the diagonal
+    /// is that of the bounding box of what targets move (of the smallest such part, if several are far apart); `info`
+    /// prints it
     #[arg(help_heading = READ, long, value_name = "FRACTION", default_value_t = 1e-6)]
     #[arg(value_parser = values::number("a fraction of the diagonal, 0 or more (0 keeps every delta)", |v| v >= 0.0))]
     pub tolerance: f32,
@@ -287,7 +288,7 @@ pub struct UpdateArgs {
     #[arg(help_heading = POSES, long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
     pub paths: Vec<UpdatePath>,
-    /// Update the last pose, or rebuild each pose from the base pose [default: incremental; scatter and the direct
+    /// Update the current pose, or rebuild each pose from the base pose [default: incremental; scatter and the direct
     /// paths always rebuild]
     #[arg(help_heading = POSES, long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',')]
     #[arg(value_parser = values::mode())]

@@ -25,7 +25,7 @@ macro_rules! delta_formats {
                 Snorm16 snorm16 { words: 3, attributes: &[(R32G32B32_UINT, 0)], exponents: true }
             }
             blocks {
-                /// In blocks, 9 bytes per vertex and entry
+                /// In blocks, 9 bytes per vertex of a block that a target affects
                 ///
                 /// 15 bits per component in the first triple, 9 in the second, in planes that a kernel reads as three
                 /// words.

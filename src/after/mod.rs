@@ -5,7 +5,7 @@
 //! - [`SkinTarget`]: the pose skinned by joints, with linear blending or dual quaternions.
 //! - [`NormalsTarget`]: normals of the morphed surface, instead of morphed ones.
 //!
-//! A step writes what the update changed, or nothing if nothing changed. Its output is ready for the
+//! A pass writes what the update changed, or nothing if nothing changed. Its output is ready for the
 //! [consumers](crate::Consumers) of the crowd, and waits for their reads, like poses.
 
 #[allow(unsafe_code)]

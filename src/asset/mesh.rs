@@ -87,7 +87,7 @@ pub struct Mesh {
     pub welds: Vec<u32>,
     /// The targets; an empty target keeps its index.
     pub targets: Vec<MorphTarget>,
-    /// Remarks of the importer that a person should see (e.g. hard edges averaged).
+    /// Warnings of the importer (such as hard edges that were averaged).
     pub notes: Vec<String>,
 }
 
@@ -176,7 +176,7 @@ pub struct KeptMesh {
     pub diagonal: f32,
     /// The tolerance that was applied.
     pub tolerance: Tolerance,
-    /// Remarks of the importer that a person should see.
+    /// Warnings of the importer.
     pub notes: Vec<String>,
 }
 

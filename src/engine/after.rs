@@ -76,13 +76,14 @@ macro_rules! target_setters {
         impl MorphEngine {$(
             $(#[doc = $doc])*
             ///
-            /// `None` removes the target. An instance has at most one target of each step.
+            /// `None` removes the target. An instance has at most one target of each kind.
             ///
-            /// The step is recorded with the update, after its own steps. It writes the blocks that the update changed
-            /// (dense paths and animated crowds: all of a pose that changed, or may have), or nothing if nothing
-            /// changed. It writes everything the first time, after the instance was hidden, and after an update that
-            /// wrote the target was discarded. Its output is ready for the [consumers](crate::CrowdDesc::consumers) of
-            /// the crowd, and waits for their reads, like poses. Removing an instance removes its target.
+            /// The pass is recorded with the update, after the update's own steps. It writes the blocks that the update
+            /// changed (dense paths and animated crowds: all of a pose that changed, or may have), or nothing if
+            /// nothing changed. It writes everything the first time, after the instance was hidden, and after an update
+            /// that wrote the target was discarded. Its output is ready for the
+            /// [consumers](crate::CrowdDesc::consumers) of the crowd, and waits for their reads, like poses. Removing
+            /// an instance removes its target.
             ///
             /// The caller is responsible for: barriers of its own if it writes the buffers itself, or reads them in
             /// stages that the consumers do not include.

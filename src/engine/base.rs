@@ -49,7 +49,7 @@ pub struct Update {
     pub timestamps: u32,
 }
 
-/// Instances of one mesh on a device, numbered from 0. A new crowd has all its instances, all shown.
+/// Instances of one mesh on a device, numbered from 0. All instances of a new crowd exist and are shown.
 ///
 /// The host sets weights ([`set_weights`](Self::set_weights)), or, in a crowd that
 /// [`create_animated_crowd`](super::MorphEngine::create_animated_crowd) made, plays clips ([`play`](Self::play)): the
@@ -317,11 +317,11 @@ impl Crowd {
         self.steps.firsts().map(|work| self.step_name(work))
     }
 
-    /// Has the next recording call write timestamps of this crowd's update into queries of the host's: query `first`
+    /// Makes the next recording call write timestamps of this crowd's update into the host's queries: query `first`
     /// when the commands before the update have finished, the following ones after each of its
     /// [steps](Self::step_names), at BOTTOM_OF_PIPE. [`Update::timestamps`] says how many. Steps of crowds that are
     /// recorded by one call may run at the same time. No barriers are added: drivers may begin a step before the one
-    /// that was timed has ended, where it needs nothing of it.
+    /// that was timed has ended, if it does not depend on it.
     ///
     /// The call fails before anything is recorded if `count` is too small. It uses up the setting either way.
     ///

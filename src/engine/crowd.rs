@@ -108,11 +108,10 @@ impl Crowd {
         playbacks.play(instance, playback, clips)
     }
 
-    /// Keeps only the first `level` targets in the crowd's [order of
-    /// importance](crate::AnimationDesc::importance), from the next recorded update on; a value for it is
-    /// returned by [`lod::Level::step`](crate::lod::Level::step). The GPU multiplies the weights of clips by the
-    /// targets' [factors](crate::lod::Importance::factor), in 2⁻¹⁶. The number of targets or more keeps all, which is
-    /// the default.
+    /// Keeps only the first `level` targets in the crowd's [order of importance](crate::AnimationDesc::importance),
+    /// from the next recorded update on; [`lod::Level::step`](crate::lod::Level::step) returns a value for `level`. The
+    /// GPU multiplies the weights of clips by the targets' [factors](crate::lod::Importance::factor), in steps of 2⁻¹⁶.
+    /// At or above the number of targets all are kept, which is the default.
     ///
     /// A changed level sends 32 bytes to the device, an unchanged one nothing.
     ///

@@ -75,8 +75,8 @@ use std::sync::{Arc, OnceLock};
 ///   `feedback` and `vertex-store` alternate between two slots in an update of several passes: frame n waits for the
 ///   draw of frame n - (slots + 1) / 2 (rounded down), or of n - (slots - 1) / 2 and at least of n - 1 if draws also
 ///   read the previous pose.
-/// - Outputs of [post-morph passes](crate::after) lie in the host's buffers, which the host shares among the
-///   families itself. A target has one output buffer, which the draw of the previous frame reads; a skin target may
+/// - Outputs of [post-morph passes](crate::after) lie in the host's buffers, which the host shares among the families
+///   itself. A target has one output buffer, so its update waits for the draw of the previous frame; a skin target may
 ///   have two.
 ///
 /// Updates of one crowd run on one queue, or on several that semaphores order. The crowds of one call of
@@ -175,11 +175,11 @@ impl MorphEngine {
     /// every instance at the current time, plans and executes on the GPU; the CPU records the same commands whatever
     /// changes.
     ///
-    /// Poses are fixed-point, so they do not drift. An [`error_budget`](crate::plan::UpdateDesc::error_budget)
-    /// defers changes target by target. Slots rotate in every update. Instances that have not played anything show the
-    /// base pose. [`UpdateStats`](crate::plan::UpdateStats) count one pass and nothing else, since only the GPU knows
-    /// the rest. Any number of updates may be in flight, since there is no ring of lists; with [post-morph
-    /// passes](crate::after), [`CrowdDesc::frames_in_flight`] at most.
+    /// Poses are fixed-point, so they do not drift. There is no
+    /// [`error_budget`](crate::plan::UpdateDesc::error_budget). Slots rotate in every update. Instances that have not
+    /// played anything show the base pose. [`UpdateStats`](crate::plan::UpdateStats) count one pass and nothing else,
+    /// since only the GPU knows the rest. Any number of updates may be in flight, since there is no ring of lists; with
+    /// [post-morph passes](crate::after), [`CrowdDesc::frames_in_flight`] at most.
     ///
     /// A [discarded](Crowd::discard) update changed nothing: poses are those of the update before it, and the
     /// next update does its work. Until then, instances added since have no pose, nor do those that were shown and
@@ -192,8 +192,9 @@ impl MorphEngine {
     /// [`Crowd::release_staging`] once it has finished.
     ///
     /// # Errors
-    /// Errors of [`create_crowd`](Self::create_crowd) and [`Clips::new`]; float32 poses; more than 32 slots; instances,
-    /// clips or entries beyond the device's storage range, with the numbers. Nothing is recorded then.
+    /// Errors of [`create_crowd`](Self::create_crowd) and [`Clips::new`]; float32 poses; an error budget; more than 32
+    /// slots; instances, clips or entries beyond the device's storage range, with the numbers. Nothing is recorded
+    /// then.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and

@@ -58,8 +58,8 @@ impl MorphEngine {
 }
 
 impl PoseReadback {
-    /// Records copies of the poses of `instances`, which replace those recorded before; after the update that writes
-    /// them, in the same command buffer or a later one.
+    /// Records copies of the poses of `instances`, which replace those recorded before. Call it after the update that
+    /// writes the poses, for the same command buffer or a later one.
     ///
     /// Records: a barrier from the stages that write poses to copies (TRANSFER with TRANSFER_READ), independent of the
     /// crowd's [consumers](crate::CrowdDesc::consumers); the copies; and a barrier that makes them visible to the host

@@ -35,9 +35,8 @@ impl MorphEngine {
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
-    ///   without active conditional rendering (the crowd's state takes the update as executed), on a queue of family
-    ///   [`CrowdDesc::queue_family`](crate::CrowdDesc::queue_family) or, if that is `None`, with graphics and
-    ///   compute.
+    ///   without active conditional rendering (the crowd counts the update as executed), on a queue of family
+    ///   [`CrowdDesc::queue_family`](crate::CrowdDesc::queue_family) or, if that is `None`, with graphics and compute.
     /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later
     ///   ones; or it never runs, and [`Crowd::discard`](super::Crowd::discard) is called with the ticket before any
     ///   later update of the crowd is submitted. Updates recorded after it are discarded with it, and never run either:

@@ -73,9 +73,9 @@ impl PoseView {
         }
     }
 
-    /// The matrix that makes a position, in input units, of the numbers that a draw fetches: offset + number × unit.
-    /// Multiply the model matrix by it from the right, and not the matrix of
-    /// normals, whose attributes are directions as they are. Identity for float32.
+    /// The matrix that converts the numbers that a draw fetches to a position in input units: offset + number × unit.
+    /// Multiply the model matrix by it from the right. The normal matrix stays as it is, because normals are stored as
+    /// directions. Identity for float32.
     pub fn matrix(&self) -> Mat4 {
         let vector = |of: [f32; POSE_FLOATS]| Vec3::from_slice(&of);
         Mat4::from_translation(vector(self.offsets)) * Mat4::from_scale(vector(self.units))

@@ -53,8 +53,8 @@ pub struct DeviceDesc<'a> {
     /// Whether `device` was created with VK_EXT_transform_feedback and its feature `transformFeedback`.
     pub transform_feedback_enabled: bool,
     /// The features that `device` was created with. Two of them are used: `vertexPipelineStoresAndAtomics`, for the
-    /// baseline `vertex-store`, and `shaderInt64` on software drivers, where it halves the time of the format `fast` in
-    /// blocks.
+    /// baseline `vertex-store`, and `shaderInt64` on software drivers, which have faster kernels for block formats with
+    /// it.
     pub enabled_features: vk::PhysicalDeviceFeatures,
     /// The host's pipeline cache, which the host loads and stores; `null()`: none. It belongs to this device and was
     /// made without `VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT`: any thread that makes crowds, or sets the
@@ -68,8 +68,8 @@ pub struct DeviceDesc<'a> {
     /// of which one is kept for each type of memory. A host with many meshes, or near the device's limit of allocations
     /// (`maxMemoryAllocationCount`), should pass its own.
     pub allocator: Option<SharedAllocator>,
-    /// The host's functions for device memory, for hosts whose allocator is another: each buffer then has memory of its
-    /// own from them, and `allocator` is not used. `None`: an allocator.
+    /// The host's functions for device memory, if its allocator is not gpu-allocator: each buffer then has memory of
+    /// its own from them, and `allocator` is not used. `None`: an allocator.
     pub memory: Option<Arc<dyn MemorySource>>,
     /// Whether `device` was created with the feature `bufferDeviceAddress`, and `allocator`, if given, was made for it:
     /// pose buffers can then have addresses ([`CrowdDesc::pose_usage`](crate::CrowdDesc::pose_usage)).

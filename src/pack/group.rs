@@ -143,10 +143,9 @@ pub struct PackedLayout {
     /// Dense formats: vertices per chunk, a multiple of 64. The last chunk holds the remainder.
     #[doc(hidden)]
     pub chunk_vertices: usize,
-    /// The length that tolerances and errors are fractions of, in input units: the bounding-box diagonal of the base
-    /// pose, or of the smallest part of it that targets move, if there are several far apart. A part is connected by
-    /// faces, with what lies within half its size of it. What no target moves does not count: a floor, a vertex far
-    /// off.
+    /// The length that tolerances and errors are fractions of, in input units: the diagonal of the bounding box of what
+    /// targets move (of the smallest such part, if several are far apart). A part is what faces connect, and other
+    /// parts within half its size. What no target moves does not count: a floor, a vertex far off.
     pub diagonal: f32,
     /// Origin of positions, in input units: 0, unless the mesh was [recentred](crate::PackedMesh::recentre).
     ///

@@ -83,10 +83,11 @@ pub struct UpdateDesc {
     pub pose: PoseFormat,
     /// Largest position error from float32 accumulation, as a fraction of
     /// [`PackedLayout::diagonal`](crate::PackedLayout::diagonal) (block formats). A block whose tracked bound would
-    /// exceed it restarts from the base pose. The bound counts every rounding of the active targets as if all went one
-    /// way: where hundreds of them move a vertex, a restart alone may exceed the tolerance. There a block restarts when
-    /// its bound would pass twice that of the last restart, and [`UpdateStats::bound`](crate::UpdateStats::bound)
-    /// states what holds. Bounds positions and normals only: for other streams in long runs, use fixed-point poses.
+    /// exceed it is rebuilt from the base pose. The bound adds up every rounding of the active targets as if all had
+    /// the same sign: where hundreds of them move a vertex, that of a rebuild may exceed the tolerance. There a block
+    /// is rebuilt when its bound would exceed twice that of the last rebuild, and
+    /// [`UpdateStats::bound`](crate::UpdateStats::bound) states the result. Bounds positions only: for other streams in
+    /// long runs, use fixed-point poses.
     pub tolerance: f32,
     /// Largest absolute weight that fixed-point poses have to hold. `None`: 1 for 16-bit poses, the mesh's packed value
     /// for 32-bit poses. Smaller values give a finer unit ([`PackedLayout::grid`]).

@@ -9,7 +9,7 @@ use ash::vk;
 /// Describes a crowd on a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrowdDesc {
-    /// Number of instances (≥ 1), each with its own weights and poses. It is fixed: make as many as are needed at most,
+    /// Number of instances (≥ 1), each with its own weights and poses. It is fixed: make the most that will be needed,
     /// and [remove](crate::Crowd::remove) or [hide](crate::Crowd::set_hidden) the rest, which updates leave out; or
     /// make a second crowd of the same mesh later.
     pub instances: u32,
@@ -109,10 +109,10 @@ impl CrowdDesc {
 /// of an instance moves from slot to slot ([`Crowd::pose`](crate::Crowd::pose) returns its place); with one slot it
 /// stays in place.
 ///
-/// Updates, passes and barriers are the same as with engine-owned buffers; only software drivers are slower in format
-/// `fast`, for which they have kernels for the engine's layout alone. Barriers are global memory barriers and order all
-/// reads of the buffer by the [consumers](CrowdDesc::consumers). The host decides how the buffer is shared. If
-/// updates and draws run on queues of two families, use `VK_SHARING_MODE_CONCURRENT`, like the engine's own buffers
+/// Updates, passes and barriers are the same as with engine-owned buffers; only software drivers are slower, because
+/// their own kernels need the engine's layout. Barriers are global memory barriers and order all reads of the buffer by
+/// the [consumers](CrowdDesc::consumers). The host decides how the buffer is shared. If updates and draws run on queues
+/// of two families, use `VK_SHARING_MODE_CONCURRENT`, like the engine's own buffers
 /// ([`MorphEngine`](crate::MorphEngine#several-queues)). With `VK_SHARING_MODE_EXCLUSIVE` the host transfers ownership
 /// of the crowd's whole range: from the draws' queue to the updates' before each update, and back after it. Since an
 /// incremental update reads poses that earlier draws read, updates and draws then alternate.

@@ -9,8 +9,8 @@ use std::time::Duration;
 /// A ready-made comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SuiteChoice {
-    /// Every technique by number of targets, for one instance and many (--shared: copies of one); crowds of 10 to
-    /// 10,000 instances, planned on the CPU and animated on the device
+    /// Every technique against the number of targets, for one instance and many (--shared: copies of one); crowds of 10
+    /// to 10,000 instances, planned on the CPU and animated on the device
     Crowd,
     /// Every technique with all or few targets changed, and with constant targets; dense and sparse; for one instance
     /// and many
@@ -37,7 +37,7 @@ pub struct BenchArgs {
     /// pass) [default: 1,2,4,8,16,max,all; --full: 1..max,all for clips and the largest --changed, otherwise 8,max,all]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::batch)]
     pub batch_sizes: Vec<BatchSpec>,
-    /// Numbers of targets that change per frame, or "all"; each frame changes other targets at random [default: 8,all;
+    /// Numbers of targets that change per frame, or "all"; they are drawn at random in each frame [default: 8,all;
     /// --full: 1,4,8,16,32,all]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed)]
     pub changed: Vec<Option<usize>>,
@@ -52,7 +52,7 @@ pub struct BenchArgs {
     #[arg(long)]
     pub shared: bool,
     /// Draw passes per instance and frame, included in the time: position-only passes (depth, shadow), then one full
-    /// pass. Paths that evaluate in draws evaluate in each pass [default: 0; suites, and if such a path is measured: 1]
+    /// pass. The direct paths evaluate poses in each of them [default: 0; suites, and if such a path is measured: 1]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::whole(1u32, 64))]
     pub draws: Vec<u32>,
     /// Maximum number of frames to time per configuration
@@ -61,7 +61,7 @@ pub struct BenchArgs {
     /// Frames to run before timing starts
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = values::whole(0usize, 1_000_000))]
     pub warmup: usize,
-    /// Run these ready-made comparisons instead
+    /// Run these ready-made comparisons instead of the main one
     #[arg(
         long = "suite",
         value_name = "NAME,…",

@@ -28,7 +28,7 @@ pub struct RenderArgs {
     /// Zoom factor; 2 shows the middle half of the picture at twice the size
     #[arg(long, value_name = "X", default_value = "1", value_parser = values::zoom)]
     pub zoom: f32,
-    /// Frame the whole scene, not only the parts that targets move
+    /// Show the whole scene, not only the parts that targets move
     #[arg(long)]
     pub whole: bool,
     /// Key light: degrees to the right of the camera, degrees up, and optionally strength (default 1)
@@ -47,7 +47,8 @@ pub struct RenderArgs {
     /// The same as --show heat
     #[arg(long, value_name = "WHAT", conflicts_with = "show", value_parser = ["distance"])]
     pub heat: Option<String>,
-    /// What to show of the surface. Motion and blocks are those since the previous frame, or else since the base pose
+    /// What to show of the surface; motion and blocks: changes since the previous frame, or since the base pose if
+    /// there is none
     #[arg(long, value_name = "LOOK", default_value = "shaded")]
     #[arg(value_parser = values::named(&LOOKS, |look| look.1, |look| look.2).map(|look| look.0))]
     pub show: Show,

@@ -26,7 +26,7 @@ pub fn name(value: impl ValueEnum) -> String {
 
 pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {
     named(&[UpdateMode::Incremental, UpdateMode::Rebuild], UpdateMode::name, |mode| match mode {
-        UpdateMode::Incremental => "Update the last pose with the changed targets",
+        UpdateMode::Incremental => "Update the current pose with the changed targets",
         UpdateMode::Rebuild => "Evaluate all active targets from the base pose",
     })
 }
@@ -106,7 +106,7 @@ pub fn budget(s: &str) -> Result<BudgetSpec, String> {
     }
 }
 
-/// Parse an entry of `--batch-sizes`. Ranges include both ends: "1..7" are the seven sizes of the chapter.
+/// Parse an entry of `--batch-sizes`. Ranges include both ends: "1..7" are the seven sizes of Jones (GPU Pro 5).
 pub fn batch(s: &str) -> Result<BatchSpec, String> {
     let size = |s: &str| whole(1, 65_536)(s).map_err(|e| format!("{e}, \"max\", \"all\" or a range as \"1..7\""));
     match (s.trim(), s.split_once("..")) {
