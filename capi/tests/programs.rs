@@ -37,19 +37,12 @@ fn libraries() -> &'static Path {
             other => other,
         };
         let mut cargo = Command::new(env!("CARGO"));
-        cargo.args([
-            "build",
-            "--package",
-            env!("CARGO_PKG_NAME"),
-            "--features",
-            "csv,gltf",
-            "--profile",
-            profile,
-            "--target-dir",
-        ]);
+        // With an example, so that other packages have the features which `cargo test` has built them with.
+        let features = "deltamorph-c/csv,deltamorph-c/gltf";
+        cargo.args(["build", "--lib", "--example", "minimal", "--features", features, "--profile", profile]);
         // target/TRIPLE/PROFILE where another processor is built for.
         let above = 1 + usize::from(std::env::var_os("CARGO_BUILD_TARGET").is_some());
-        ran(cargo.arg(folder.ancestors().nth(above).expect("target")).current_dir(root()));
+        ran(cargo.arg("--target-dir").arg(folder.ancestors().nth(above).expect("target")).current_dir(root()));
         // As in capi/install: programs look up this name at start.
         ran(Command::new("ln").args(["-sf", "libdeltamorph_c.so"]).arg(folder.join(SONAME)));
         assert!(folder.join("libdeltamorph_c.so").is_file(), "{}: no libdeltamorph_c.so", folder.display());
@@ -139,7 +132,12 @@ impl Program {
     fn under_valgrind(&self, args: &[&str]) -> Output {
         let suppressions = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/valgrind.supp");
         let mut command = Command::new("valgrind");
-        command.env("LD_LIBRARY_PATH", libraries()).args(["-q", "--error-exitcode=9", "--leak-check=full"]);
+        command.env("LD_LIBRARY_PATH", libraries()).args([
+            "-q",
+            "--error-exitcode=9",
+            "--leak-check=full",
+            "--num-callers=20",
+        ]);
         command.args(["--errors-for-leak-kinds=definite,indirect,possible", "--fair-sched=yes"]);
         command.arg(format!("--suppressions={}", suppressions.display())).arg(&self.1).args(args);
         command.output().expect("valgrind (the package valgrind) starts")
