@@ -211,11 +211,11 @@ fn text(info: &Info, sample: &Sample<'_>) -> String {
     ));
     let formats: &[Column<'_, Measured>] = &[
         ("format", &|f| f.name.into()),
-        ("deltas", &|f| bytes(f.cost.delta_bytes as f64)),
-        ("index", &|f| bytes(f.cost.index_bytes as f64)),
-        ("dense float32", &|f| bytes(f.cost.dense_f32_bytes as f64)),
-        ("position error", &|f| format!("{} of the diagonal", sig3(f.cost.position_error_rel))),
-        ("normal error", &|f| format!("{}°", sig3(f.cost.normal_error_deg))),
+        ("deltas", &|f| bytes(f.delta_bytes as f64)),
+        ("index", &|f| bytes(f.index_bytes as f64)),
+        ("dense float32", &|f| bytes(f.dense_f32_bytes as f64)),
+        ("position error", &|f| format!("{} of the diagonal", sig3(f.position_error_rel))),
+        ("normal error", &|f| format!("{}°", sig3(f.normal_error_deg))),
     ];
     parts.push(Table::of(&info.formats, 1, formats).to_string());
     let held = info.formats.iter().find(|f| f.name == info.pose_deltas);

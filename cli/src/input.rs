@@ -146,7 +146,7 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
             (kept.clone(), kept, Some(Arc::new(packed)))
         }
     };
-    spinner.finish_and_clear();
+    drop(spinner);
     kept.notes.iter().for_each(|note| out.warn(note));
     if packed.is_some() {
         let what = "errors are measured against its content, not against the original files";

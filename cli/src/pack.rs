@@ -1,7 +1,7 @@
 //! `pack`: writes a mesh as a file that loads without packing again.
 
 use crate::args::PackFileArgs;
-use crate::info::measure::{Cost, Measured};
+use crate::info::measure::Measured;
 use crate::info::pose_formats::{Sample, pose_table};
 use crate::input;
 use crate::output::{Failure, Output, With, check_ending};
@@ -37,7 +37,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let spinner = out.spinner("packing");
     let desc = PackDesc { blocks: args.pack.desc(), ..PackDesc::new(format) };
     let mesh = PackedMesh::pack(&input.kept, &desc);
-    spinner.finish_and_clear();
+    drop(spinner);
     let mut mesh = mesh?;
     // Clips of a folder stay files of their own.
     let kept = input.clips.iter().filter(|clip| import::animation_of(clip).is_some());
@@ -49,7 +49,8 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let layout = mesh.layout();
     let Some(index) = &layout.blocks else { return Ok(()) }; // files hold no other format
     let measured = Measured::of(&mesh, false, &sample);
-    let (Cost { delta_bytes, index_bytes, dense_f32_bytes, .. }, output) = (measured.cost, args.output.display());
+    let Measured { delta_bytes, index_bytes, dense_f32_bytes, .. } = measured;
+    let output = args.output.display();
     let times = match delta_bytes + index_bytes {
         0 => String::new(),
         deltas => format!(", {} times as large", sig3(dense_f32_bytes as f64 / deltas as f64)),
@@ -57,7 +58,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let [file, deltas, dense] = [file_bytes, delta_bytes + index_bytes, dense_f32_bytes].map(|n| bytes(n as f64));
     let [vertices, entries, moved, blocks] =
         [layout.vertex_count, index.entry_count(), index.touched(), index.count()].map(thousands);
-    let [position, normal] = [measured.cost.position_error_rel, measured.cost.normal_error_deg].map(sig3);
+    let [position, normal] = [measured.position_error_rel, measured.normal_error_deg].map(sig3);
     let clip_count = match mesh.clips.len() {
         0 => String::new(),
         1 => "; a weight clip".to_owned(),

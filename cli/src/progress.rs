@@ -1,8 +1,7 @@
 //! Progress of long work: a line on stderr, where that is a terminal.
 
+use std::cell::{Cell, RefCell};
 use std::io::{IsTerminal, Write, stderr};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// Time between changes of the line.
@@ -13,10 +12,10 @@ pub struct Progress {
     shown: bool,
     /// 0: unknown.
     steps: u64,
-    done: AtomicU64,
+    done: Cell<u64>,
     begun: Instant,
     /// What is being done, and when the line was last written.
-    line: Mutex<(String, Option<Instant>)>,
+    line: RefCell<(String, Option<Instant>)>,
 }
 
 impl Progress {
@@ -25,34 +24,31 @@ impl Progress {
         let progress = Self {
             shown: !quiet && stderr().is_terminal(),
             steps,
-            done: AtomicU64::new(0),
+            done: Cell::new(0),
             begun: Instant::now(),
-            line: Mutex::new((message, None)),
+            line: RefCell::new((message, None)),
         };
         progress.write();
         progress
     }
 
     pub fn set_message(&self, message: String) {
-        if let Ok(mut line) = self.line.lock() {
-            line.0 = message;
-        }
+        self.line.borrow_mut().0 = message;
         self.write();
     }
 
     pub fn inc(&self, steps: u64) {
-        self.done.fetch_add(steps, Ordering::Relaxed);
+        self.done.set(self.done.get() + steps);
         self.write();
     }
 
     fn write(&self) {
-        let Ok(mut line) = self.line.lock() else { return };
-        let (message, written) = &mut *line;
+        let (message, written) = &mut *self.line.borrow_mut();
         if !self.shown || written.is_some_and(|at| at.elapsed() < PAUSE) {
             return;
         }
         *written = Some(Instant::now());
-        let done = self.done.load(Ordering::Relaxed);
+        let done = self.done.get();
         let left = self.begun.elapsed().as_secs_f64() * self.steps.saturating_sub(done) as f64 / done as f64;
         let text = match (self.steps, done) {
             (0, _) => message.clone(),
@@ -63,9 +59,6 @@ impl Progress {
         let text: String = text.chars().take(columns.saturating_sub(1)).collect();
         let _ = write!(stderr(), "\r\x1b[2K{text}");
     }
-
-    /// Removes the line.
-    pub fn finish_and_clear(self) {}
 }
 
 impl Drop for Progress {

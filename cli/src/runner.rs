@@ -89,24 +89,25 @@ pub fn packed(
     )))
 }
 
-/// The pose of instance `head`, counted over crowds of `instances` each.
-fn read_pose(
-    instances: u32,
-    crowds: &mut [HeadlessCrowd<'_>],
-    head: u32,
-    group: usize,
-) -> deltamorph::Result<Vec<f32>> {
-    crowds[(head / instances) as usize].read_group_pose(head % instances, group)
-}
-
 /// Instances updated by one path.
 pub enum Runner<'a> {
-    /// On a device: a crowd, or one per mesh of a scene, all with as many instances.
-    Gpu(Vec<HeadlessCrowd<'a>>),
-    /// On a device that plays a clip for each mesh, a frame per step.
-    Animated { crowds: Vec<HeadlessCrowd<'a>>, fps: f32, frame: usize },
+    /// On a device: a crowd, or one per mesh of a scene, all with as many instances; and the clips that it plays, if it
+    /// animates them.
+    Device(Vec<HeadlessCrowd<'a>>, Option<Playing>),
     /// On the processor; with an upload to the device, if poses are drawn.
     Cpu(Box<CpuCrowd>, Option<Box<PoseUpload<'a>>>),
+}
+
+/// Clips that a device plays, a frame per step.
+pub struct Playing {
+    fps: f32,
+    /// The frame of the next step.
+    frame: usize,
+}
+
+/// Each update is waited for.
+fn crowd_desc(update: UpdateDesc, instances: u32) -> CrowdDesc {
+    CrowdDesc { instances, frames_in_flight: 1, ..CrowdDesc::new(update) }
 }
 
 /// Measurements of a frame.
@@ -141,9 +142,8 @@ impl<'a> Runner<'a> {
 
     /// `heads` instances more of the same mesh, which is not uploaded again; `None` unless it is updated on a device.
     pub fn another(&self, desc: UpdateDesc, heads: u32) -> Option<deltamorph::Result<Self>> {
-        let Self::Gpu(crowds) = self else { return None };
-        let desc = CrowdDesc { instances: heads, frames_in_flight: 1, ..CrowdDesc::new(desc) };
-        Some(crowds[0].another(&desc).map(|crowd| Self::Gpu(vec![crowd])))
+        let Self::Device(crowds, None) = self else { return None };
+        Some(crowds[0].another(&crowd_desc(desc, heads)).map(|crowd| Self::Device(vec![crowd], None)))
     }
 
     /// A crowd of `heads` instances of each of `parts` on a device, updated in one submission.
@@ -154,10 +154,9 @@ impl<'a> Runner<'a> {
     ) -> deltamorph::Result<Self> {
         let crowd = |(mesh, desc): &(Arc<PackedMesh>, UpdateDesc)| {
             let gpu = gpu.filter(|_| desc.path != UpdatePath::Cpu).ok_or_else(|| no_device(desc.path))?;
-            // Each update is waited for.
-            HeadlessCrowd::new(gpu, mesh, &CrowdDesc { instances: heads, frames_in_flight: 1, ..CrowdDesc::new(*desc) })
+            HeadlessCrowd::new(gpu, mesh, &crowd_desc(*desc, heads))
         };
-        Ok(Self::Gpu(parts.iter().map(crowd).collect::<deltamorph::Result<_>>()?))
+        Ok(Self::Device(parts.iter().map(crowd).collect::<deltamorph::Result<_>>()?, None))
     }
 
     /// Like [`scene`](Self::scene), animated on the device: the instances of each crowd play its clips in turns, whose
@@ -173,35 +172,35 @@ impl<'a> Runner<'a> {
         for (part, ((mesh, desc), mut clips)) in (0..).zip(parts.iter().zip(clips)) {
             let names: Vec<_> = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
             clips.iter_mut().for_each(|clip| clip.names.clone_from(&names));
-            let desc = CrowdDesc { instances: heads, frames_in_flight: 1, ..CrowdDesc::new(*desc) };
-            let mut crowd = HeadlessCrowd::animated(gpu, mesh, &desc, &AnimationDesc::new(&clips))?;
+            let animation = AnimationDesc::new(&clips);
+            let mut crowd = HeadlessCrowd::animated(gpu, mesh, &crowd_desc(*desc, heads), &animation)?;
             for (head, clip) in (0..heads).zip((0..clips.len() as u32).cycle()) {
                 let frames = f64::from(part * heads + head) * ahead as f64;
                 crowd.play(head, &Playback { start: -frames / f64::from(fps), ..Playback::new(clip) })?;
             }
             crowds.push(crowd);
         }
-        Ok(Self::Animated { crowds, fps, frame: 0 })
+        Ok(Self::Device(crowds, Some(Playing { fps, frame: 0 })))
     }
 
     /// The next step of clips that the device plays is `frame`.
-    pub fn seek(&mut self, to: usize) {
-        if let Self::Animated { frame, .. } = self {
-            *frame = to;
+    pub fn seek(&mut self, frame: usize) {
+        if let Self::Device(_, Some(playing)) = self {
+            playing.frame = frame;
         }
     }
 
     /// Updates every instance to `weights[head]`, draws it if there is a device, and waits.
     pub fn step(&mut self, weights: &[impl AsRef<[f32]>], draws: Draws) -> deltamorph::Result<Frame> {
         let Step { update, gpu_ms, draw_ms, cpu_ms } = match self {
-            Self::Gpu(crowds) => {
-                let weights: Vec<&[f32]> = weights.iter().map(AsRef::as_ref).collect();
+            Self::Device(crowds, playing) => {
+                let mut weights: Vec<&[f32]> = weights.iter().map(AsRef::as_ref).collect();
+                if let Some(Playing { fps, frame }) = playing {
+                    crowds.iter_mut().try_for_each(|crowd| crowd.set_time(*frame as f64 / f64::from(*fps)))?;
+                    *frame += 1;
+                    weights.clear();
+                }
                 HeadlessCrowd::step_together(crowds, &weights, draws)?
-            }
-            Self::Animated { crowds, fps, frame } => {
-                crowds.iter_mut().try_for_each(|crowd| crowd.set_time(*frame as f64 / f64::from(*fps)))?;
-                *frame += 1;
-                HeadlessCrowd::step_together(crowds, &[], draws)?
             }
             Self::Cpu(crowd, upload) => {
                 let start = Instant::now();
@@ -226,22 +225,23 @@ impl<'a> Runner<'a> {
     /// The pose of an instance in a group of the mesh, six floats per vertex, in input order.
     pub fn pose(&mut self, head: u32, group: usize) -> deltamorph::Result<Vec<f32>> {
         match self {
-            Self::Gpu(crowds) => read_pose(crowds[0].crowd().desc().instances, crowds, head, group),
-            Self::Animated { crowds, .. } => read_pose(crowds[0].crowd().desc().instances, crowds, head, group),
+            Self::Device(crowds, _) => {
+                let instances = crowds[0].crowd().desc().instances;
+                crowds[(head / instances) as usize].read_group_pose(head % instances, group)
+            }
             Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.group_pose(head, group)?)),
         }
     }
 
     /// The weights of the first instance if a device animates it, in units of the grid.
     pub fn played(&mut self) -> deltamorph::Result<Option<Vec<i32>>> {
-        if let Self::Animated { crowds, .. } = self { crowds[0].read_weights(0).map(Some) } else { Ok(None) }
+        if let Self::Device(crowds, Some(_)) = self { crowds[0].read_weights(0).map(Some) } else { Ok(None) }
     }
 
     /// The next pose of the first instance has no predecessor.
     pub fn reset_history(&mut self) -> deltamorph::Result<()> {
         match self {
-            Self::Gpu(crowds) => crowds[0].reset_history(0),
-            Self::Animated { crowds, .. } => crowds[0].reset_history(0),
+            Self::Device(crowds, _) => crowds[0].reset_history(0),
             Self::Cpu(crowd, _) => crowd.reset_history(0),
         }
     }
@@ -251,13 +251,12 @@ impl<'a> Runner<'a> {
     pub fn integers(&mut self, format: PoseFormat) -> deltamorph::Result<Option<Vec<i32>>> {
         if !format.has_integers() {
             return match self {
-                Self::Gpu(crowds) => crowds[0].read_sums(0),
-                Self::Animated { .. } | Self::Cpu(..) => Ok(None),
+                Self::Device(crowds, None) => crowds[0].read_sums(0),
+                Self::Device(..) | Self::Cpu(..) => Ok(None),
             };
         }
         let stored = match self {
-            Self::Gpu(crowds) => crowds[0].read_stored(0, 0)?,
-            Self::Animated { crowds, .. } => crowds[0].read_stored(0, 0)?,
+            Self::Device(crowds, _) => crowds[0].read_stored(0, 0)?,
             Self::Cpu(crowd, _) => crowd.stored_pose(0, 0)?.to_vec(),
         };
         Ok(Some(format.integers(&stored)))
@@ -266,8 +265,7 @@ impl<'a> Runner<'a> {
     /// Device time of draws of every instance; `None` without a device.
     pub fn draw_ms(&mut self, draws: Draws) -> deltamorph::Result<Option<f64>> {
         match self {
-            Self::Gpu(crowds) => crowds.iter().map(|crowd| crowd.draw(draws)).sum(),
-            Self::Animated { crowds, .. } => crowds.iter().map(|crowd| crowd.draw(draws)).sum(),
+            Self::Device(crowds, _) => crowds.iter().map(|crowd| crowd.draw(draws)).sum(),
             Self::Cpu(..) => Ok(None),
         }
     }
@@ -282,7 +280,8 @@ pub fn fnv(numbers: &[i32]) -> u64 {
 /// The packed mesh, its update description, and the device.
 pub struct Stage {
     gpu: Option<Rc<Gpu>>,
-    threads: usize,
+    /// Threads of the path `cpu`; 0: one per core.
+    pub threads: usize,
     /// What errors are against, in words.
     pub source: &'static str,
     pub mesh: Arc<PackedMesh>,
@@ -328,11 +327,6 @@ impl Stage {
         Runner::new(self.gpu.as_deref(), &self.mesh, desc, 1, self.threads)
     }
 
-    /// Threads of the path `cpu`; 0: one per core.
-    pub fn threads(&self) -> usize {
-        self.threads
-    }
-
     pub fn device(&self) -> String {
         self.gpu.as_deref().map_or("none".into(), |gpu| gpu.caps().name.clone())
     }
@@ -341,11 +335,10 @@ impl Stage {
     pub fn animated(&self, clip: &WeightClip) -> Result<Runner<'_>, Failure> {
         let gpu = self.gpu.as_deref().filter(|_| self.desc.path == UpdatePath::Blocks);
         let gpu = gpu.ok_or_else(|| Failure::Usage("--animated needs a Vulkan device and the path blocks".into()))?;
-        let (desc, clips) =
-            (CrowdDesc { frames_in_flight: 1, ..CrowdDesc::new(self.desc) }, AnimationDesc::new(from_ref(clip)));
-        let mut crowd = HeadlessCrowd::animated(gpu, &self.mesh, &desc, &clips)?;
+        let animation = AnimationDesc::new(from_ref(clip));
+        let mut crowd = HeadlessCrowd::animated(gpu, &self.mesh, &crowd_desc(self.desc, 1), &animation)?;
         crowd.play(0, &Playback { repeat: Repeat::Once, ..Playback::new(0) })?;
-        Ok(Runner::Animated { crowds: vec![crowd], fps: clip.fps, frame: 0 })
+        Ok(Runner::Device(vec![crowd], Some(Playing { fps: clip.fps, frame: 0 })))
     }
 
     pub fn setup(&self) -> Setup {

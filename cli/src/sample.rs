@@ -19,7 +19,7 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     let spinner = out.spinner("building the head");
     let source = head::head(&desc);
     let mut clip = head::head_clip(&desc, args.frames, args.fps);
-    spinner.finish_and_clear();
+    drop(spinner);
 
     let bar = out.bar(source.targets.len() as u64 + 1);
     // Readers take the rate from the name, since the file has no place for it.

@@ -40,7 +40,7 @@ impl<'a> Machine<'a> {
         }
         let on_device = gpu.as_ref().map_or(Ok(None), |gpu| gpu.bandwidth(largest.max(1 << 20)))?;
         let (device_copy_gb_s, device_read_gb_s) = on_device.map(|b| (b.copy, b.read)).unzip();
-        spinner.finish_and_clear();
+        drop(spinner);
         let bandwidth = Bandwidth { cpu_read_gb_s, cpu_copy_gb_s, device_copy_gb_s, device_read_gb_s };
         Ok(Self { args, gpu, bandwidth })
     }

@@ -53,7 +53,7 @@ fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure
     if let Some(folder) = args.folder() {
         let spinner = out.spinner("writing the report");
         let written = report::write(report, folder);
-        spinner.finish_and_clear();
+        drop(spinner);
         written?;
         out.say(format_args!("report: {}", folder.join("index.html").display()));
     }

@@ -269,31 +269,3 @@ fn write_batch<S: Serializer>(batch: &BatchSize, to: S) -> Result<S::Ok, S::Erro
         BatchSize::All => to.serialize_str("all"),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use crate::bench::synthetic;
-
-    #[test]
-    fn the_json_keeps_its_contract() {
-        let json = serde_json::to_value(synthetic::report()).expect("serialised");
-        assert_eq!(json["schema"], 1);
-        for (place, fields) in [
-            ("/bandwidth", "cpu_read_gb_s cpu_copy_gb_s device_copy_gb_s device_read_gb_s"),
-            ("/input", "vertices targets triangles diagonal"),
-            ("/runs/0/gpu_ms", "median mean stderr min max n"),
-            (
-                "/runs/0",
-                "path mode batch_size changed coefficients active heads shared accumulate pose format passes \
-                 bytes_moved bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel \
-                 normal_error_deg raw_error_rel floor_ms floor_fraction slots batch_max",
-            ),
-        ] {
-            let object = json.pointer(place).expect(place);
-            fields.split(' ').for_each(|field| assert!(object.get(field).is_some(), "{place}/{field}"));
-        }
-        assert_eq!((&json["runs"][0]["batch_size"], &json["runs"][0]["changed"]), (&1.into(), &72.into()));
-        let runs = json["runs"].as_array().expect("a list");
-        assert!(runs.iter().any(|r| r["batch_size"] == "all" && r["gpu_ms"].is_null()));
-    }
-}

@@ -45,12 +45,12 @@ const COLUMNS: &str = "suite cell technique mesh targets path mode format accumu
 
 fn csv(runs: &[RunRecord]) -> Result<Vec<u8>, Failure> {
     let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(COLUMNS.split(' ')).map_err(|e| Failure::failed(&e))?;
+    out.write_record(COLUMNS.split(' ')).map_err(Failure::failed)?;
     for run in runs {
-        let run = serde_json::to_value(run).map_err(|e| Failure::failed(&e))?;
-        out.write_record(COLUMNS.split(' ').map(|column| cell(&run, column))).map_err(|e| Failure::failed(&e))?;
+        let run = serde_json::to_value(run).map_err(Failure::failed)?;
+        out.write_record(COLUMNS.split(' ').map(|column| cell(&run, column))).map_err(Failure::failed)?;
     }
-    out.into_inner().map_err(|e| Failure::Failed(e.to_string()))
+    out.into_inner().map_err(Failure::failed)
 }
 
 fn cell(run: &Value, column: &str) -> String {

@@ -143,7 +143,7 @@ impl<'a> Session<'a> {
         let bar = self.out.bar((configs.len() + schedule.rounds) as u64);
         bar.set_message(what.to_owned());
         let outcomes = interleave(&self.machine, subject, configs, setting, schedule, &bar)?;
-        bar.finish_and_clear();
+        drop(bar);
         Ok(outcomes)
     }
 

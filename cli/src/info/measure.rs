@@ -20,9 +20,10 @@ pub struct Blocks {
     pub fill: f64,
 }
 
-/// Bytes and errors of a packed mesh, in the JSON of `info` and `pack`.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Cost {
+/// The costs and errors of a packed mesh, in the JSON of `info` and `pack`.
+#[derive(Serialize)]
+pub struct Measured {
+    pub name: &'static str,
     pub delta_bytes: u64,
     /// Bytes of vertex indices (dense formats have none).
     pub index_bytes: u64,
@@ -33,14 +34,6 @@ pub struct Cost {
     pub position_error_rel: f64,
     /// Largest angle between the exact and the decoded normal at weight 1, in degrees.
     pub normal_error_deg: f64,
-}
-
-/// The costs and errors of a packed mesh, in the JSON of `info` and `pack`.
-#[derive(Serialize)]
-pub struct Measured {
-    pub name: &'static str,
-    #[serde(flatten)]
-    pub cost: Cost,
     /// Costs and errors of each pose format with these deltas.
     pub pose_formats: Vec<PoseCost>,
     /// Zeros for a dense format.
@@ -54,16 +47,17 @@ impl Measured {
         let layout = packed.layout();
         // Blocks know their error.
         let error = layout.error().unwrap_or_else(|| packed.measure_error(&sample.input.kept));
-        let cost = Cost {
+        Self {
+            name: layout.format.name(),
             delta_bytes: layout.delta_bytes(),
             index_bytes: layout.index_bytes(),
             dense_f32_bytes: (layout.vertex_count * layout.targets.len() * DeltaFormat::Float32.stride()) as u64,
             position_error: error.position,
             position_error_rel: error.position / scale(layout.diagonal),
             normal_error_deg: error.normal_degrees,
-        };
-        let (name, pose_formats) = (layout.format.name(), pose_costs(packed, held, sample));
-        Self { name, cost, pose_formats, blocks: blocks(packed) }
+            pose_formats: pose_costs(packed, held, sample),
+            blocks: blocks(packed),
+        }
     }
 }
 
@@ -76,14 +70,11 @@ pub fn measure_all(
     sample: &Sample<'_>,
     out: &Output,
 ) -> Result<Vec<Measured>, Failure> {
-    let bar = out.bar(2 * formats.len() as u64);
+    let bar = out.bar(formats.len() as u64);
     let one = |format: &DeltaFormat| {
-        let name = format.name();
-        bar.set_message(format!("packing as {name}"));
+        bar.set_message(format!("packing and measuring {}", format.name()));
         let held = input.packed.as_ref().filter(|held| held.layout().format == *format);
         let packed = held.map_or_else(|| pack(&input.kept, *format), |held| Ok(held.clone()))?;
-        bar.inc(1);
-        bar.set_message(format!("measuring {name}"));
         let measured = Measured::of(&packed, held.is_some(), sample);
         bar.inc(1);
         Ok(measured)

@@ -65,7 +65,6 @@ impl<'a> Gauge<'a> {
     /// A curve for each of `metrics`, along its order in `orders`.
     pub fn curves(&mut self, metrics: &[Metric], orders: &[Order]) -> Result<Vec<Vec<Point>>, Failure> {
         let targets = &self.input.kept.targets;
-        let names: Vec<&str> = targets.iter().map(|t| t.name.as_str()).collect();
         let scale = 1.0 / crate::verify::scale(self.input.kept.diagonal);
         let mut kept: Vec<usize> = (1..=4).map(|quarter| (targets.len() * quarter).div_ceil(4)).collect();
         kept.dedup();
@@ -84,7 +83,7 @@ impl<'a> Gauge<'a> {
                 }
             }
             for ((metric, order), curve) in metrics.iter().zip(orders).zip(&mut curves) {
-                let keeps = order.keeps(&names, kept);
+                let keeps = first(&order.targets, kept);
                 let vertex_rel = self.vertices.of(&keeps) * scale;
                 let (error_rel, error_random_rel) =
                     match (&mut self.shots, of_pictures.iter().position(|m| m == metric)) {

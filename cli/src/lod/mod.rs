@@ -83,7 +83,7 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
         0 => "each target alone, since there is no clip".to_owned(),
         frames => format!("{frames} frames"),
     };
-    spinner.finish_and_clear();
+    drop(spinner);
     let lods: Vec<Lod> = orders.into_iter().zip(curves).map(|(order, curve)| Lod { order, curve }).collect();
     if let [lod] = &lods[..] {
         out.say(text(lod, &measured));

@@ -19,21 +19,18 @@ pub struct Order {
     pub schema: u32,
     pub metric: String,
     pub ranking: Vec<Ranked>,
+    /// The same by their numbers in the mesh.
+    #[serde(skip)]
+    pub targets: Vec<usize>,
 }
 
 impl Order {
     /// Ranks targets by score, the largest first, after those that `pins` name; ties keep the order of the mesh.
     pub fn new(metric: &str, names: &[&str], scores: &[f64], pins: &[String]) -> Self {
         let pinned: Vec<bool> = names.iter().map(|name| is_pinned(name, pins)).collect();
-        let place = |t: usize| Ranked { name: names[t].into(), score: scores[t], pinned: pinned[t] };
-        let ranking = ranked(scores, &pinned).into_iter().map(place).collect();
-        Self { schema: 1, metric: metric.into(), ranking }
-    }
-
-    /// Whether each of the targets `names` is among the first `kept`.
-    pub fn keeps(&self, names: &[&str], kept: usize) -> Vec<bool> {
-        let first: Vec<&str> = self.ranking[..kept].iter().map(|r| r.name.as_str()).collect();
-        names.iter().map(|name| first.contains(name)).collect()
+        let place = |&t: &usize| Ranked { name: names[t].into(), score: scores[t], pinned: pinned[t] };
+        let targets = ranked(scores, &pinned);
+        Self { schema: 1, metric: metric.into(), ranking: targets.iter().map(place).collect(), targets }
     }
 }
 

@@ -34,7 +34,7 @@ impl<'a> Easel<'a> {
             count: places.len() as u32,
             frames: IN_FLIGHT,
             update: stage.desc,
-            threads: stage.threads(),
+            threads: stage.threads,
             normals: (args.normals == Normals::Recomputed).then_some(surface),
             afterglow: if args.clip.is_some() { AFTERGLOW } else { 0.0 },
             cull: places.len() > 1,

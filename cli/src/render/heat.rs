@@ -33,7 +33,7 @@ pub fn prepare<'p>(
     };
     let end = scenery.args.scale.unwrap_or_else(|| poses.map(largest).fold(0.0, f32::max));
     // If nothing moves, the scale ends at float32 precision.
-    let end = if end > 0.0 { end } else { scenery.diagonal().max(1.0) * f32::EPSILON };
+    let end = if end > 0.0 { end } else { scenery.input.kept.diagonal.max(1.0) * f32::EPSILON };
     easel.scene.end = end;
     Ok(Some(end))
 }

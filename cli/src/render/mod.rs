@@ -68,7 +68,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         heads => crowd::draw(&scenery, heads, output)?,
     };
     if let Some(end) = scale {
-        let share = f64::from(end) / crate::verify::scale(scenery.diagonal());
+        let share = f64::from(end) / crate::verify::scale(input.kept.diagonal);
         what += &format!(", colours up to {end:.3e} ({share:.1e} of the diagonal)");
     }
     let file = output.display();

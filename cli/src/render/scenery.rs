@@ -132,8 +132,4 @@ impl Scenery<'_> {
         let clip = input::one_clip(args.run.weights.as_deref(), &args.run.input, self.input, &args.set)?;
         Ok((clip.frames().collect(), clip.fps))
     }
-
-    pub fn diagonal(&self) -> f32 {
-        self.input.kept.diagonal
-    }
 }

@@ -51,14 +51,9 @@ fn failure(error: Error) -> Failure {
     }
 }
 
-/// The failure if no device can present to a window here.
-fn no_window(names: &[String]) -> Failure {
-    match names {
-        [] => cannot_show("no Vulkan driver does"),
-        _ => cannot_show(&format!("not {}", names.join(", not "))),
-    }
-}
+const NO_DRIVER: &str = "no Vulkan driver does";
 
+/// The failure if no device can present to a window here.
 fn cannot_show(why: &str) -> Failure {
     Failure::Failed(format!(
         "no Vulkan device can present to a window here: {why}; `deltamorph render` draws pictures without one"
@@ -70,9 +65,9 @@ impl Device {
     pub fn new(window: &Arc<Window>, choice: Option<&DeviceChoice>, validation: bool) -> Result<Self, Failure> {
         let handles = (window.display_handle(), window.window_handle());
         let (Ok(display), Ok(handle)) = (handles.0.map(|h| h.as_raw()), handles.1.map(|h| h.as_raw())) else {
-            return Err(no_window(&[]));
+            return Err(cannot_show(NO_DRIVER));
         };
-        let extensions = enumerate_required_extensions(display).map_err(|_| no_window(&[]))?;
+        let extensions = enumerate_required_extensions(display).map_err(|_| cannot_show(NO_DRIVER))?;
         // SAFETY: the names are constants, terminated by NUL.
         let extensions: Vec<&CStr> = extensions.iter().map(|name| unsafe { CStr::from_ptr(*name) }).collect();
         let instance = Arc::new(Instance::new(&extensions, validation).map_err(failure)?);
@@ -167,5 +162,8 @@ fn choose(
             }
         }
     }
-    able.into_iter().min_by_key(|(.., caps)| caps.is_software()).ok_or_else(|| no_window(&names))
+    able.into_iter().min_by_key(|(.., caps)| caps.is_software()).ok_or_else(|| match &names[..] {
+        [] => cannot_show(NO_DRIVER),
+        _ => cannot_show(&format!("not {}", names.join(", not "))),
+    })
 }

@@ -117,11 +117,6 @@ impl State {
         Ok((clip.frame_count() - 1) as f64)
     }
 
-    /// The frame of the clip that is shown; `None` if weights come from elsewhere.
-    fn frame(&self) -> Option<f64> {
-        self.clip.as_ref().filter(|_| self.follows).map(|_| self.at)
-    }
-
     pub fn say(&mut self, text: String) {
         self.notice = Some((text, STAYS));
     }
@@ -158,9 +153,9 @@ impl State {
 
     /// Weights of the targets. Sliders follow the clip.
     pub fn weights(&mut self) -> Result<Vec<f32>, Failure> {
-        if let (Some(clip), Some(at)) = (&self.clip, self.frame()) {
-            let before = at as usize;
-            let share = at.fract() as f32;
+        if let Some(clip) = self.clip.as_ref().filter(|_| self.follows) {
+            let before = self.at as usize;
+            let share = self.at.fract() as f32;
             let from = clip.frame(before)?;
             let to = clip.frame((before + 1).min(clip.frame_count() - 1))?;
             self.values = from.iter().zip(&to).map(|(a, b)| a + (b - a) * share).collect();
