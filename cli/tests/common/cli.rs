@@ -5,6 +5,7 @@ use serde_json::Value;
 use std::fs::File;
 use std::path::Path;
 use std::process::{Command, Output};
+use tempfile::TempDir;
 
 /// Runs the program.
 pub fn deltamorph(args: &[&str]) -> Output {
@@ -35,6 +36,14 @@ pub fn json(args: &[&str]) -> Value {
     serde_json::from_str(&ok(args)).expect("JSON alone on stdout")
 }
 
+/// Asserts that JSON has these fields, each at the place of an object; fields may be added, never renamed.
+pub fn has(json: &Value, contract: &[(&str, &str)]) {
+    for (place, fields) in contract {
+        let object = json.pointer(place).unwrap_or_else(|| panic!("{place} in {json}"));
+        fields.split_whitespace().for_each(|field| assert!(object.get(field).is_some(), "{place}/{field} in {object}"));
+    }
+}
+
 /// Returns exit code and error line.
 pub fn fails(args: &[&str]) -> (i32, String) {
     let out = deltamorph(args);
@@ -53,11 +62,33 @@ pub fn refused(args: &[&str], code: i32, words: &str) {
 /// A small built-in head, for speed.
 pub const HEAD: [&str; 4] = ["--vertices", "1200", "--targets", "12"];
 
-/// Writes the small head as a folder with a clip of 24 frames.
-pub fn sample(folder: &Path) -> String {
-    let dir = folder.join("head").to_str().expect("UTF-8").to_owned();
+/// A folder of a test.
+pub struct Folder(pub TempDir);
+
+impl Folder {
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().expect("a folder"))
+    }
+
+    /// Returns a path in it.
+    pub fn at(&self, name: &str) -> String {
+        self.0.path().join(name).to_str().expect("UTF-8").to_owned()
+    }
+
+    /// Writes a file in it, and returns its path.
+    pub fn file(&self, name: &str, contents: impl AsRef<[u8]>) -> String {
+        let path = self.at(name);
+        std::fs::write(&path, contents).expect("a file");
+        path
+    }
+}
+
+/// Makes a folder with the small head in it, as a folder with a clip of 24 frames; also returns the head's.
+pub fn sample() -> (Folder, String) {
+    let folder = Folder::new();
+    let dir = folder.at("head");
     ok(&[&["sample", &dir, "--frames", "24"], &HEAD[..]].concat());
-    dir
+    (folder, dir)
 }
 
 /// Returns the clip of a head that `sample` wrote.

@@ -1,6 +1,6 @@
 //! `bench`: verification before measurement, replayed clips, and runs without a Vulkan device.
 
-use crate::cli::{HEAD, deltamorph, json, without_drivers};
+use crate::cli::{HEAD, deltamorph, has, json, without_drivers};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -32,6 +32,21 @@ fn bench_verifies_measures_and_draws() {
         let args = "bench --full --frames 3 --changed 4,all --json - --device";
         let args: Vec<&str> = args.split(' ').chain([device, "--report", report]).chain(HEAD).collect();
         let out = json(&args);
+        has(
+            &out,
+            &[
+                ("", "schema version created command device skipped findings"),
+                ("/bandwidth", "cpu_read_gb_s cpu_copy_gb_s device_copy_gb_s device_read_gb_s"),
+                ("/input", "vertices targets triangles diagonal"),
+                ("/runs/0/cpu_ms", "median mean stderr min max n"),
+                (
+                    "/runs/0",
+                    "path mode batch_size changed coefficients active heads shared accumulate pose format passes \
+                 bytes_moved bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel \
+                 normal_error_deg raw_error_rel floor_ms floor_fraction slots batch_max",
+                ),
+            ],
+        );
         let runs = out["runs"].as_array().unwrap();
         assert!(runs.iter().all(|r| r["verified"] == true), "{out}");
         let of =

@@ -25,10 +25,8 @@ fn devices_lists_both_drivers_and_why_a_path_is_missing() {
 /// Each command that updates poses accepts baselines by name; by default, `bench` omits them.
 #[test]
 fn commands_agree_on_every_path() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let clip = &clip(&dir);
-    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (folder, dir) = sample();
+    let (clip, path) = (&clip(&dir), |name: &str| folder.at(name));
     let positions = |file: &str| -> Vec<f64> {
         let text = std::fs::read_to_string(file).unwrap();
         let vertices = text.lines().filter_map(|line| line.strip_prefix("v "));
@@ -106,10 +104,8 @@ fn heads_that_do_not_fit_leave_the_rest_standing() {
 
 #[test]
 fn bad_arguments_exit_with_2_and_failures_with_1() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let out = folder.path().join("out.obj");
-    let out = out.to_str().unwrap();
+    let (folder, dir) = sample();
+    let out = &*folder.at("out.obj");
     for (args, code, words) in [
         (&["bench", "--changed", "99", "--targets", "12", "--vertices", "50"][..], 2, "the mesh has 12 targets"),
         (&["apply", &dir, "-o", out, "--set", "nose=1"], 2, "--set nose: 'head' has no such target"),
@@ -134,9 +130,8 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
 
 #[test]
 fn a_packed_file_is_an_input_everywhere() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (folder, dir) = sample();
+    let path = |name: &str| folder.at(name);
     let file = path("head.dmorph");
     let packed = json(&["pack", &dir, "-o", &file, "--json", "-"]);
     assert_eq!((packed["schema"].as_u64(), packed["format"].as_str()), (Some(1), Some("small")), "{packed}");
@@ -190,11 +185,7 @@ fn a_packed_file_is_an_input_everywhere() {
 
     // A damaged file, and conversions that would lose data.
     let bytes = std::fs::read(&file).unwrap();
-    let (bad, empty) = (path("bad.dmorph"), path("empty.DMORPH"));
-    std::fs::write(&bad, &bytes[..bytes.len() / 2]).unwrap();
-    std::fs::write(&empty, "").unwrap();
-    let folder_out = path("folder");
-    std::fs::create_dir(&folder_out).unwrap();
+    let (bad, empty) = (folder.file("bad.dmorph", &bytes[..bytes.len() / 2]), folder.file("empty.DMORPH", ""));
     for (args, code, words) in [
         (&["info", &bad][..], 1, "bad.dmorph: section"),
         (&["info", &empty], 1, "empty.DMORPH: an empty file, where a packed mesh is expected"),

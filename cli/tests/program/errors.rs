@@ -1,6 +1,6 @@
 //! What `apply`, `play`, `info` and `pack` state of errors, recomputed in float64 from the files.
 
-use crate::cli::{json, ok, refused};
+use crate::cli::{Folder, json, ok, refused};
 use serde_json::Value;
 use std::path::Path;
 
@@ -75,9 +75,9 @@ fn off(obj: &str, weights: &[f64]) -> f64 {
 
 #[test]
 fn errors_are_those_of_the_files_and_the_weights_asked_for() {
-    let folder = tempfile::tempdir().unwrap();
-    let (dir, frames) = written(folder.path());
-    let [obj, packed] = ["out.obj", "out.dmorph"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
+    let folder = Folder::new();
+    let (dir, frames) = written(folder.0.path());
+    let [obj, packed] = ["out.obj", "out.dmorph"].map(|name| folder.at(name));
     let info = json(&["info", &dir, "--json", "-"]);
     let pack = json(&["pack", &dir, "-o", &packed, "--json", "-"]);
     assert_eq!((&pack["pose_formats"], &info["pose_deltas"]), (&info["pose_formats"], &"small".into()));
@@ -143,16 +143,16 @@ fn folder_of(dir: &Path, base: &[[f64; 3]], targets: &[Vec<[f64; 3]>]) -> String
 
 #[test]
 fn a_base_much_smaller_than_its_targets_is_posed() {
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("out.obj");
+    let folder = Folder::new();
+    let out = &*folder.at("out.obj");
     let open = vec![[0.0, 0.0, 0.7], [1.0, 0.2, 0.0], [1.0, 1.0, 0.1], [0.3, 1.0, 0.0]];
     let bend: Vec<[f64; 3]> = open.iter().map(|[x, y, z]| [-x * 0.9, y + 0.3 * z, z - x]).collect();
     for size in [1e-2, 1e-4, 1e-6, 0.0] {
         let base = [[0.0; 3], [size, 0.0, 0.0], [size, size, 0.0], [0.0, size, 0.0]];
-        let dir = folder_of(&folder.path().join(size.to_string()), &base, &[open.clone(), bend.clone()]);
+        let dir = folder_of(&folder.0.path().join(size.to_string()), &base, &[open.clone(), bend.clone()]);
         for format in ["float32", "snorm16", "fast", "small"] {
             for set in ["t0=1", "t0=0.3,t1=0.7", "t0=1000,t1=-1000"] {
-                let how = ["--path", "cpu", "--format", format, "--set", set, "-o", out.to_str().unwrap()];
+                let how = ["--path", "cpu", "--format", format, "--set", set, "-o", out];
                 ok(&[&["apply", &dir], &how[..]].concat());
             }
         }
@@ -161,18 +161,18 @@ fn a_base_much_smaller_than_its_targets_is_posed() {
 
 #[test]
 fn what_a_pose_format_loses_is_told_by_info_and_by_those_that_take_it() {
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("out.obj");
+    let folder = Folder::new();
+    let out = &*folder.at("out.obj");
     let base = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
     let place = |t: usize, v: usize, c: usize| base[v][c] + 0.9 * ((7 * t + 3 * v + c) as f64).sin().abs();
     let target = |t| (0..4).map(|v| std::array::from_fn(|c| place(t, v, c))).collect();
     let targets: Vec<Vec<[f64; 3]>> = (0..400).map(target).collect();
-    let dir = folder_of(&folder.path().join("rig"), &base, &targets);
+    let dir = folder_of(&folder.0.path().join("rig"), &base, &targets);
     let sets: Vec<String> = (0..400).map(|t| format!("t{t}=0.{}", 1 + t % 9)).collect();
     for stated in json(&["info", &dir, "--json", "-"])["pose_formats"].as_array().unwrap() {
         let pose = stated["name"].as_str().unwrap();
         let how = ["--path", "cpu", "--format", "small", "--pose", pose, "--set", &sets.join(",")];
-        let args = [&["apply", &dir], &how[..], &["-o", out.to_str().unwrap(), "--json", "-"]].concat();
+        let args = [&["apply", &dir], &how[..], &["-o", out, "--json", "-"]].concat();
         let run = crate::cli::deltamorph(&args);
         let (said, told) = (String::from_utf8(run.stderr).unwrap(), serde_json::from_slice::<Value>(&run.stdout));
         // What `apply` takes, `info` describes, at the largest weight that both take by default.
@@ -191,11 +191,11 @@ fn what_a_pose_format_loses_is_told_by_info_and_by_those_that_take_it() {
 
 #[test]
 fn a_clip_that_cannot_be_read_is_left_out_with_a_note() {
-    let folder = tempfile::tempdir().unwrap();
-    let (dir, _) = written(folder.path());
-    std::fs::write(Path::new(&dir).join("weights/bad.csv"), "t00,t01\n0.5,yes\n").unwrap();
-    let packed = folder.path().join("out.dmorph");
-    for args in [&["info", &dir, "--json", "-"][..], &["pack", &dir, "-o", packed.to_str().unwrap(), "--json", "-"]] {
+    let folder = Folder::new();
+    let (dir, _) = written(folder.0.path());
+    folder.file("mesh/weights/bad.csv", "t00,t01\n0.5,yes\n");
+    let packed = &*folder.at("out.dmorph");
+    for args in [&["info", &dir, "--json", "-"][..], &["pack", &dir, "-o", packed, "--json", "-"]] {
         let out = crate::cli::deltamorph(args);
         let said = String::from_utf8(out.stderr).unwrap();
         assert!(out.status.success() && (args[0] == "pack" || said.contains("bad.csv")), "{args:?}: {said}");
@@ -206,11 +206,10 @@ fn a_clip_that_cannot_be_read_is_left_out_with_a_note() {
 
 #[test]
 fn a_target_behind_its_node_is_suggested() {
-    let folder = tempfile::tempdir().unwrap();
-    let (dir, _) = written(folder.path());
+    let folder = Folder::new();
+    let (dir, _) = written(folder.0.path());
     let targets = Path::new(&dir).join("targets");
     std::fs::rename(targets.join("t07.obj"), targets.join("face_shapes.ca_jawOpen.obj")).unwrap();
-    let out = folder.path().join("out.obj");
-    let set = ["apply", &dir, "--path", "cpu", "-o", out.to_str().unwrap(), "--set", "jawOpen=1"];
+    let set = ["apply", &dir, "--path", "cpu", "-o", &folder.at("out.obj"), "--set", "jawOpen=1"];
     refused(&set, 2, "did you mean 'face_shapes.ca_jawOpen'?");
 }

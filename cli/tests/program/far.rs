@@ -1,20 +1,19 @@
 //! Meshes far from the origin: poses are written at the mesh's position, to the last place of its coordinates.
 
-use crate::cli::{json, ok};
+use crate::cli::{Folder, json, ok};
 
 #[test]
 fn poses_come_out_in_the_coordinates_of_the_input() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let folder = Folder::new();
     let quad = [[50.0, 0.0, 0.0], [50.3, 0.0, 0.0], [50.3, 0.3, 0.0], [50.0, 0.3, 0.0f32]];
     let moved = quad.map(|[x, y, z]| [x + 0.004, y - 0.006, z + 0.002]);
     let text = |vertices: &[[f32; 3]]| -> String {
         vertices.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).chain(["f 1 2 3 4\n".into()]).collect()
     };
-    std::fs::create_dir_all(at("far/targets")).unwrap();
-    std::fs::write(at("far/neutral.obj"), text(&quad)).unwrap();
-    std::fs::write(at("far/targets/moved.obj"), text(&moved)).unwrap();
-    let (far, out, packed) = (at("far"), at("out.obj"), at("far.dmorph"));
+    std::fs::create_dir_all(folder.at("far/targets")).unwrap();
+    folder.file("far/neutral.obj", text(&quad));
+    folder.file("far/targets/moved.obj", text(&moved));
+    let (far, out, packed) = (folder.at("far"), folder.at("out.obj"), folder.at("far.dmorph"));
     let origin = json(&["info", &far, "--json", "-"])["input"]["pose_origin"].clone();
     assert!((origin[0].as_f64().unwrap() - 50.15).abs() < 1e-2, "{origin}");
     ok(&["pack", &far, "-o", &packed, "--position-error", "1e-7"]);
@@ -37,16 +36,15 @@ fn poses_come_out_in_the_coordinates_of_the_input() {
 
 #[test]
 fn a_shape_that_single_precision_cannot_place_is_kept() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let folder = Folder::new();
     let text = |by: f64| {
         let line = |[x, y]: [f64; 2]| format!("v {} {} {}\n", 500_123.0 + x, 5_400_321.0 + y, 120.0 + by * (x + y));
         [[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.005, 0.2]].map(line).concat() + "f 1 2 3 4\n"
     };
-    std::fs::create_dir_all(at("far/targets")).unwrap();
-    std::fs::write(at("far/neutral.obj"), text(0.0)).unwrap();
-    std::fs::write(at("far/targets/moved.obj"), text(0.1)).unwrap();
-    let (far, out, packed) = (at("far"), at("out.obj"), at("far.dmorph"));
+    std::fs::create_dir_all(folder.at("far/targets")).unwrap();
+    folder.file("far/neutral.obj", text(0.0));
+    folder.file("far/targets/moved.obj", text(0.1));
+    let (far, out, packed) = (folder.at("far"), folder.at("out.obj"), folder.at("far.dmorph"));
     let run = crate::cli::deltamorph(&["pack", &far, "-o", &packed, "--position-error", "1e-7"]);
     let noted = String::from_utf8(run.stderr).unwrap();
     assert!(noted.contains("positions in the file are relative to [500123"), "{noted}");

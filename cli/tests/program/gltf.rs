@@ -1,7 +1,7 @@
 //! glTF files as INPUT and as weight clips.
 
 use crate::arm::{accessor, floats, gltf_arm, write};
-use crate::cli::{deltamorph, fails, json, ok, pixels};
+use crate::cli::{Folder, deltamorph, fails, json, ok, pixels};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -29,12 +29,11 @@ fn gltf_triangle(folder: &Path) -> String {
 
 #[test]
 fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
-    let dir = tempfile::tempdir().unwrap();
-    let face = gltf_triangle(dir.path());
+    let dir = Folder::new();
+    let face = gltf_triangle(dir.0.path());
     let info = json(&["info", &face, "--json", "-"]);
     assert_eq!((&info["input"]["vertices"], &info["input"]["targets"]), (&3.into(), &2.into()));
-    let [out, buffer] = ["pose.obj", "buffer.bin"].map(|name| dir.path().join(name).to_str().unwrap().to_owned());
-    let (out, buffer) = (out.as_str(), buffer.as_str());
+    let (out, buffer) = (&*dir.at("pose.obj"), &*dir.at("buffer.bin"));
     // Clips: of the input by name, of a named file by name, and the only one of a file.
     for weights in ["nod #1".to_owned(), format!("{face}#nod #1"), face.clone()] {
         ok(&["apply", &face, "--weights", &weights, "--frame", "1", "--path", "cpu", "-o", out]);
@@ -49,11 +48,8 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
     }
     let played = json(&["play", &face, "--path", "cpu", "--every", "1", "--json", "-"]);
     assert_eq!((played["clip"].as_str(), &played["summary"]["frames"]), (Some("nod #1"), &3.into()));
-    let packed = dir.path().join("face.dmorph");
-    ok(&["pack", &face, "-o", packed.to_str().unwrap()]);
-    let packed = packed.to_str().unwrap();
-    let again = dir.path().join("again.dmorph");
-    let again = again.to_str().unwrap();
+    let (packed, again) = (&*dir.at("face.dmorph"), &*dir.at("again.dmorph"));
+    ok(&["pack", &face, "-o", packed]);
     ok(&["pack", packed, "-o", again]);
     // Clips of packed files: the only one, by name, and by the name of the file.
     let its = format!("{packed}#nod #1");
@@ -82,18 +78,17 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
 /// Of the clip's three frames, the first two differ only in joints, which pictures have at rest.
 #[test]
 fn a_character_is_drawn_with_joints_at_rest() {
-    let dir = tempfile::tempdir().unwrap();
-    let arm = gltf_arm(dir.path());
-    let out = dir.path().join("out.png");
+    let dir = Folder::new();
+    let arm = gltf_arm(dir.0.path());
+    let out = &*dir.at("out.png");
     let drawn = |args: &[&str]| {
-        let file = out.to_str().unwrap();
-        ok(&[&["render", &arm, "-o", file, "--size", "128x96", "--camera", "0,0"], args].concat());
-        std::fs::read(&out).unwrap()
+        ok(&[&["render", &arm, "-o", out, "--size", "128x96", "--camera", "0,0"], args].concat());
+        std::fs::read(out).unwrap()
     };
     let [first, second, third] = ["0", "1", "2"].map(|frame| drawn(&["--weights", "wave", "--frame", frame]));
     assert!(first == second && second != third);
     assert!(drawn(&["--set", "up=0.25"]) == first);
-    let nod = deltamorph(&["render", &arm, "--weights", "nod", "--frame", "1", "-o", out.to_str().unwrap()]);
+    let nod = deltamorph(&["render", &arm, "--weights", "nod", "--frame", "1", "-o", out]);
     let said = String::from_utf8(nod.stderr).unwrap();
     assert!(nod.status.success() && said.contains("clip 'nod': joints alone move: weights stay at rest"), "{said}");
     let mut bent: Value = serde_json::from_slice(&std::fs::read(&arm).unwrap()).unwrap();
@@ -105,8 +100,8 @@ fn a_character_is_drawn_with_joints_at_rest() {
 /// A part that no target moves is drawn in the colour of its material, where its joint is at rest.
 #[test]
 fn still_parts_are_drawn_in_their_colours() {
-    let dir = tempfile::tempdir().unwrap();
-    let arm = gltf_arm(dir.path());
+    let dir = Folder::new();
+    let arm = gltf_arm(dir.0.path());
     let mut file: Value = serde_json::from_slice(&std::fs::read(&arm).unwrap()).unwrap();
     let flag = json!({"name": "flag", "primitives": [{"attributes": {"POSITION": 0}, "material": 0}]});
     file["meshes"].as_array_mut().unwrap().push(flag);
@@ -114,11 +109,11 @@ fn still_parts_are_drawn_in_their_colours() {
     file["nodes"][2]["children"] = json!([3]);
     file["materials"] = json!([{"doubleSided": true, "pbrMetallicRoughness": {"baseColorFactor": [0, 1, 0, 1]}}]);
     std::fs::write(&arm, file.to_string()).unwrap();
-    let out = dir.path().join("out.png");
+    let out = &*dir.at("out.png");
     let drawn = |args: &[&str]| {
-        let fixed = ["render", &arm, "--whole", "-o", out.to_str().unwrap(), "--size", "128x96", "--camera", "0,0"];
+        let fixed = ["render", &arm, "--whole", "-o", out, "--size", "128x96", "--camera", "0,0"];
         ok(&[&fixed, args].concat());
-        let ([width, _], picture) = pixels(&out);
+        let ([width, _], picture) = pixels(Path::new(out));
         let is_green = |pixel: &[u8]| pixel[1] > 80 && pixel[0] < 50;
         let green = picture.chunks_exact(4).enumerate().filter(|(_, pixel)| is_green(pixel));
         let places: Vec<[usize; 2]> = green.map(|(i, _)| [i % width as usize, i / width as usize]).collect();
@@ -135,14 +130,14 @@ fn still_parts_are_drawn_in_their_colours() {
 /// An avatar of VRM 0 looks along -z: poses have its coordinates, and pictures are taken from where it looks.
 #[test]
 fn avatars_of_vrm_0_stay_as_they_are_and_are_seen_from_the_front() {
-    let dir = tempfile::tempdir().unwrap();
-    let arm = gltf_arm(dir.path());
-    let [obj, png] = ["out.obj", "out.png"].map(|name| dir.path().join(name));
+    let dir = Folder::new();
+    let arm = gltf_arm(dir.0.path());
+    let [obj, png] = ["out.obj", "out.png"].map(|name| dir.at(name));
     let made = |camera: &str| {
         let pose = ["--set", "up=0.5", "--path", "cpu", "-o"];
-        ok(&[&["apply", &arm], &pose[..], &[obj.to_str().unwrap()]].concat());
+        ok(&[&["apply", &arm], &pose[..], &[&obj]].concat());
         let look = ["--size", "128x96", "--camera", camera];
-        ok(&[&["render", &arm], &pose[..], &[png.to_str().unwrap()], &look].concat());
+        ok(&[&["render", &arm], &pose[..], &[&png], &look].concat());
         [&obj, &png].map(|file| std::fs::read(file).unwrap())
     };
     let [pose, from_behind] = made("180,0");

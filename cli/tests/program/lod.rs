@@ -10,8 +10,7 @@ fn listed(out: &serde_json::Value) -> Vec<String> {
 
 #[test]
 fn an_order_loses_less_than_random_ones_and_has_its_pins_first() {
-    let folder = tempfile::tempdir().unwrap();
-    let head = sample(folder.path());
+    let (_folder, head) = sample();
     for metric in ["mse", "hausdorff"] {
         let out = json(&["lod", &head, "--metric", metric, "--json", "-"]);
         assert_eq!((&out["schema"], &out["metric"]), (&1.into(), &metric.into()));

@@ -1,35 +1,11 @@
 //! Output files: nothing of the user's is lost, whatever fails.
 
-use crate::cli::{fails, json, ok, refused, sample};
+use crate::cli::{Folder, fails, json, ok, refused, sample};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// A short bench.
 const BENCH: [&str; 9] = ["bench", "--vertices", "100", "--targets", "3", "--frames", "2", "--paths", "cpu"];
-
-/// A folder with the small head in it.
-struct Home {
-    folder: tempfile::TempDir,
-    /// The head's folder.
-    dir: String,
-}
-
-impl Home {
-    fn new() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let dir = sample(folder.path());
-        Self { folder, dir }
-    }
-
-    /// Returns a path in it.
-    fn at(&self, name: &str) -> String {
-        self.folder.path().join(name).to_str().unwrap().to_owned()
-    }
-
-    fn contents(&self) -> Vec<(PathBuf, Vec<u8>)> {
-        contents(self.folder.path())
-    }
-}
 
 /// Returns every file below `folder`, with its contents.
 fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
@@ -47,15 +23,15 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 
 #[test]
 fn nothing_that_is_read_is_written_over() {
-    let home = Home::new();
-    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
+    let (home, dir) = sample();
+    let at = |name: &str| home.at(name);
     let (packed, clip, own) = (at("a.dmorph"), at("own.csv"), at("head/weights/head_30fps.csv"));
     ok(&["pack", &dir, "-o", &packed]);
     std::fs::copy(&own, &clip).unwrap();
     let link = at("link.json");
     #[cfg(unix)]
     std::os::unix::fs::symlink(&packed, &link).unwrap();
-    let before = home.contents();
+    let before = contents(home.0.path());
     let (neutral, target) = (at("head/neutral.obj"), at("head/targets/eyeBlinkLeft.obj"));
     for args in [
         &["info", &dir, "--json", &neutral][..],
@@ -72,16 +48,16 @@ fn nothing_that_is_read_is_written_over() {
         &["pack", &packed, "-o", &packed],
     ] {
         refused(args, 2, "is an input");
-        assert!(home.contents() == before, "{args:?}");
+        assert!(contents(home.0.path()) == before, "{args:?}");
     }
 }
 
 #[test]
 fn no_two_outputs_are_one_file() {
-    let home = Home::new();
-    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
+    let (home, dir) = sample();
+    let at = |name: &str| home.at(name);
     let (file, other, report) = (at("a.dmorph"), at("head/../a.dmorph"), at("report"));
-    let before = home.contents();
+    let before = contents(home.0.path());
     for args in [
         &["pack", &dir, "-o", &file, "--json", &file][..],
         &["pack", &dir, "-o", &file, "--json", &other],
@@ -90,7 +66,7 @@ fn no_two_outputs_are_one_file() {
         &["sample", &at("new"), "--json", &at("new/neutral.obj")],
     ] {
         refused(args, 2, "would be overwritten; name another file");
-        assert!(home.contents() == before, "{args:?}");
+        assert!(contents(home.0.path()) == before, "{args:?}");
     }
     // Devices and pipes are not files that could be lost.
     ok(&["info", &dir, "--json", "/dev/null"]);
@@ -98,11 +74,9 @@ fn no_two_outputs_are_one_file() {
 
 #[test]
 fn what_fails_leaves_files_as_they_were() {
-    let home = Home::new();
-    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
-    let (bad, old, new) = (at("bad.csv"), at("old.json"), at("new.json"));
-    std::fs::write(&bad, "eyeBlinkLeft\ninf\n").unwrap();
-    std::fs::write(&old, "mine").unwrap();
+    let (home, dir) = sample();
+    let bad = home.file("bad.csv", "eyeBlinkLeft\ninf\n");
+    let (old, new) = (home.file("old.json", "mine"), home.at("new.json"));
     for json in [&old, &new] {
         let (_, text) = fails(&["play", &dir, "--weights", &bad, "--json", json]);
         assert!(text.contains("bad.csv") && text.contains("not a finite number"), "{text}");
@@ -111,25 +85,25 @@ fn what_fails_leaves_files_as_they_were() {
     assert!(!Path::new(&new).exists());
 
     // A folder that is not a report's, and unwritable JSON, are detected before measuring.
-    let foreign = home.folder.path().join("site");
+    let foreign = home.at("site");
     std::fs::create_dir(&foreign).unwrap();
-    std::fs::write(foreign.join("index.html"), "mine").unwrap();
-    refused(&[&BENCH[..], &["--report", foreign.to_str().unwrap()]].concat(), 2, "site");
-    assert_eq!(contents(&foreign).len(), 1);
+    home.file("site/index.html", "mine");
+    refused(&[&BENCH[..], &["--report", &foreign]].concat(), 2, "site");
+    assert_eq!(contents(Path::new(&foreign)).len(), 1);
     refused(&[&BENCH[..], &["--report", &old]].concat(), 2, "old.json: is not a folder; name another one");
     for folder in [&dir, &old] {
         refused(&["sample", folder], 2, "name a");
     }
-    let report = at("report");
+    let report = home.at("report");
     let (_, text) = fails(&[&BENCH[..], &["--report", &report, "--json", "/nonexistent/x.json"]].concat());
     assert!(text.contains("/nonexistent/x.json"), "{text}");
 }
 
 #[test]
 fn a_place_for_results_is_looked_for_before_the_work() {
-    let home = Home::new();
-    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
-    std::fs::write(at("file"), "mine").unwrap();
+    let (home, dir) = sample();
+    let at = |name: &str| home.at(name);
+    home.file("file", "mine");
     // The input is not there either: what is said is known before it is read.
     let gone = at("gone");
     for args in [
@@ -148,14 +122,14 @@ fn a_place_for_results_is_looked_for_before_the_work() {
             args[args.len() - 1]
         }));
     }
-    assert_eq!(contents(home.folder.path()).len(), contents(Path::new(&dir)).len() + 1);
+    assert_eq!(contents(home.0.path()).len(), contents(Path::new(&dir)).len() + 1);
 }
 
 /// Links, pipes, stdout and stdin where the program writes and reads.
 #[cfg(unix)]
 #[test]
 fn links_pipes_and_streams_are_what_they_are_elsewhere() {
-    let home = Home::new();
+    let (home, _) = sample();
     let script = format!(
         "cd {}; exec 2>&1; D={}; apply() {{ $D apply head --path cpu \"$@\"; }}
         ln -s there/x.obj link.obj; ln -s link.obj chain.obj; mkdir there; apply --set eyeBlinkLeft=1 -o chain.obj --quiet
@@ -165,7 +139,7 @@ fn links_pipes_and_streams_are_what_they_are_elsewhere() {
         apply --weights <(printf 'eyeBlinkLeft\\n1\\n') --frame 0 -o piped.obj --quiet; cmp piped.obj there/x.obj && echo same
         $D info - <head/neutral.obj; $D info gone 2>/dev/full; echo $?; COLUMNS=0 $D info head | head -1
         $D sample s --vertices 400000 & sleep 0.7; kill -TERM $!; wait $!; echo $?; find s -mindepth 1; $D sample s --vertices 60",
-        home.folder.path().display(),
+        home.0.path().display(),
         env!("CARGO_BIN_EXE_deltamorph"),
     );
     let said = Command::new("bash").args(["-c", &script]).output().unwrap();
@@ -178,11 +152,10 @@ fn links_pipes_and_streams_are_what_they_are_elsewhere() {
 /// Names in files of strangers do nothing to a terminal.
 #[test]
 fn control_characters_are_spelled_out() {
-    let home = Home::new();
-    let weights = home.at("head/weights/clip.csv");
-    std::fs::write(&weights, "eyeBlinkLeft,\u{1b}[2J\u{9b}31m\n1,0\n").unwrap();
+    let (home, dir) = sample();
+    let weights = home.file("head/weights/clip.csv", "eyeBlinkLeft,\u{1b}[2J\u{9b}31m\n1,0\n");
     std::fs::rename(home.at("head/targets/eyeSquintLeft.obj"), home.at("head/targets/jaw\nOpen\u{1b}[2J.obj")).unwrap();
-    for args in [&["info", &home.dir][..], &["play", &home.dir, "--path", "cpu", "--weights", &weights]] {
+    for args in [&["info", &dir][..], &["play", &dir, "--path", "cpu", "--weights", &weights]] {
         let run = crate::cli::deltamorph(args);
         let said = String::from_utf8([run.stdout, run.stderr].concat()).unwrap();
         assert!(said.chars().all(|c| c == '\n' || !c.is_control()) && said.contains("\\u{1b}[2J"), "{said}");
@@ -192,13 +165,13 @@ fn control_characters_are_spelled_out() {
 
 #[test]
 fn a_report_is_replaced_when_the_new_one_is_complete() {
-    let folder = tempfile::tempdir().unwrap();
-    let (report, out) = (folder.path().join("report"), folder.path().join("out.json"));
-    let (dir, file) = (report.to_str().unwrap(), out.to_str().unwrap());
+    let folder = Folder::new();
+    let (dir, file) = (&*folder.at("report"), &*folder.at("out.json"));
+    let report = Path::new(dir);
     let more = |args: &[&'static str]| [&BENCH[..], args].concat();
     ok(&[&more(&["--formats", "float32", "--changed", "1,2"])[..], &["--report", dir, "--json", file]].concat());
     let names = |files: Vec<(PathBuf, Vec<u8>)>| files.into_iter().map(|(path, _)| path).collect::<Vec<_>>();
-    let before = contents(folder.path());
+    let before = contents(folder.0.path());
     // A selection of which nothing can run.
     let none = ["bench", "--vertices", "100", "--targets", "3", "--paths", "direct", "--formats", "fast"];
     refused(
@@ -206,12 +179,12 @@ fn a_report_is_replaced_when_the_new_one_is_complete() {
         1,
         "no configuration could run; direct: supports --formats",
     );
-    assert!(contents(folder.path()) == before);
+    assert!(contents(folder.0.path()) == before);
     // A run stopped while writing leaves a folder, which does not block the next.
     let left = report.join(".deltamorph-1");
     std::fs::create_dir(&left).unwrap();
     ok(&[&more(&["--formats", "float32", "--changed", "2"])[..], &["--report", dir]].concat());
-    let after = names(contents(&report));
+    let after = names(contents(report));
     assert_eq!(after, ["index.html", "report.json", "runs.csv"].map(|name| report.join(name)));
     assert!(left.exists(), "it may belong to an active run");
 }
@@ -256,9 +229,8 @@ fn a_mesh_with_a_thousand_targets_runs_as_it_is() {
 /// A name that says that a file is something else than what is written is refused.
 #[test]
 fn files_are_what_their_names_say() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    refused(&["render", "-o", &path("a.jpg")], 2, "a PNG is written; name it *.png");
-    refused(&["apply", "--set", "jawOpen=1", "-o", &path("a.glb")], 2, "an OBJ file is written; name it *.obj");
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    let folder = Folder::new();
+    refused(&["render", "-o", &folder.at("a.jpg")], 2, "a PNG is written; name it *.png");
+    refused(&["apply", "--set", "jawOpen=1", "-o", &folder.at("a.glb")], 2, "an OBJ file is written; name it *.obj");
+    assert_eq!(std::fs::read_dir(folder.0.path()).unwrap().count(), 0);
 }

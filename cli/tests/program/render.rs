@@ -15,28 +15,22 @@ const SQUARE: usize = 4;
 const MESH: [&str; 6] = ["--vertices", "6000", "--targets", "52", "--size", "256x256"];
 
 /// The pictures: names, and options.
-const PICTURES: [(&str, &[&str]); 11] = [
-    ("neutral", &["--camera", "25,5"]),
-    ("expression", &["--set", "jawOpen=0.7,mouthSmileLeft=0.8,browInnerUp=1,eyeBlinkRight=1", "--pose", "fixed16"]),
-    ("behind", &["--camera", "180,10", "--path", "cpu"]),
-    ("heat", &["--set", "jawOpen=1", "--heat", "distance"]),
-    ("crowd", &["--crowd", "5", "--format", "small", "--background", "e8e8ea"]),
-    ("wire", &["--set", "jawOpen=0.7", "--show", "wire"]),
-    ("normals", &["--set", "jawOpen=0.7", "--show", "normals", "--camera", "-30,10"]),
-    ("motion", &["--set", "mouthSmileLeft=1,browOuterUpRight=1", "--show", "motion", "--pose", "fixed32"]),
-    ("blocks", &["--set", "mouthSmileLeft=1,eyeBlinkRight=1", "--show", "blocks", "--camera", "0,0"]),
+const PICTURES: [(&str, &str); 11] = [
+    ("neutral", "--camera 25,5"),
+    ("expression", "--set jawOpen=0.7,mouthSmileLeft=0.8,browInnerUp=1,eyeBlinkRight=1 --pose fixed16"),
+    ("behind", "--camera 180,10 --path cpu"),
+    ("heat", "--set jawOpen=1 --heat distance"),
+    ("crowd", "--crowd 5 --format small --background e8e8ea"),
+    ("wire", "--set jawOpen=0.7 --show wire"),
+    ("normals", "--set jawOpen=0.7 --show normals --camera -30,10"),
+    ("motion", "--set mouthSmileLeft=1,browOuterUpRight=1 --show motion --pose fixed32"),
+    ("blocks", "--set mouthSmileLeft=1,eyeBlinkRight=1 --show blocks --camera 0,0"),
     (
         "wrinkles",
-        &[
-            "--set",
-            "browInnerUp=1,browOuterUpLeft=1,browOuterUpRight=1,mouthSmileLeft=1,mouthSmileRight=1",
-            "--show",
-            "wrinkles",
-            "--camera",
-            "8,2",
-        ],
+        "--set browInnerUp=1,browOuterUpLeft=1,browOuterUpRight=1,mouthSmileLeft=1,mouthSmileRight=1 \
+        --show wrinkles --camera 8,2",
     ),
-    ("transparent", &["--background", "none", "--light", "50,20,1.2", "--set", "cheekPuff=1"]),
+    ("transparent", "--background none --light 50,20,1.2 --set cheekPuff=1"),
 ];
 
 fn drivers() -> Vec<String> {
@@ -52,9 +46,9 @@ fn golden(name: &str, driver: &str) -> PathBuf {
 }
 
 /// Draws one of the pictures.
-fn draw(args: &[&str], driver: &str, out: &Path) {
-    let out = out.to_str().expect("UTF-8");
-    ok(&[&["render", "--quiet", "--device", driver, "-o", out], &MESH[..], args].concat());
+fn draw(args: &str, driver: &str, out: &Path) {
+    let out = ["render", "--quiet", "--device", driver, "-o", out.to_str().expect("UTF-8")];
+    ok(&out.into_iter().chain(MESH).chain(args.split_whitespace()).collect::<Vec<_>>());
 }
 
 /// Sums of red, green and blue of each square of a picture, in front of grey.
@@ -109,11 +103,8 @@ fn pictures_are_those_that_were_looked_at() {
         }
     }
     let nearby = folder.path().join("nearby.png");
-    draw(
-        &["--set", "jawOpen=0.7,mouthSmileLeft=0.8,browInnerUp=1,eyeBlinkRight=1,noseSneerLeft=1"],
-        &drivers()[0],
-        &nearby,
-    );
+    let set = "--set jawOpen=0.7,mouthSmileLeft=0.8,browInnerUp=1,eyeBlinkRight=1,noseSneerLeft=1";
+    draw(set, &drivers()[0], &nearby);
     let off = seen(&nearby, &golden("expression", &drivers()[0]));
     println!("nearby: {off}");
     assert!(off > SEEN / 20.0, "{off}");
@@ -121,17 +112,13 @@ fn pictures_are_those_that_were_looked_at() {
 
 #[test]
 fn clips_are_their_frames() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let head = sample(folder.path());
-    let at = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
-    let animated = at("clip.apng");
-    let frames = at("frames");
-    let one = at("one.png");
+    let (folder, head) = sample();
+    let [animated, frames, one] = ["clip.apng", "frames", "one.png"].map(|name| folder.at(name));
     let args = ["render", &head, "--size", "96x96", "--quiet"];
     ok(&[&args[..], &["--clip", &animated]].concat());
     // Left from an earlier, longer clip.
     std::fs::create_dir(&frames).expect("a folder");
-    std::fs::write(Path::new(&frames).join("frame_00024.png"), "old").expect("a file");
+    folder.file("frames/frame_00024.png", "old");
     ok(&[&args[..], &["--clip", &frames]].concat());
     let clip = clip(&head);
     ok(&[&args[..], &["--weights", &clip, "--frame", "17", "-o", &one]].concat());
@@ -156,10 +143,8 @@ fn clips_are_their_frames() {
 
 #[test]
 fn what_cannot_be_drawn_says_why() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let head = sample(folder.path());
-    let out = folder.path().join("out.png");
-    let out = out.to_str().expect("UTF-8");
+    let (folder, head) = sample();
+    let out = &*folder.at("out.png");
     let refused = |args: &[&str], code: i32, words: &str| {
         let (status, text) = fails(&[&["render", &head], args].concat());
         assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
@@ -182,8 +167,7 @@ fn what_cannot_be_drawn_says_why() {
     refused(&["-o", "-"], 2, "name a file");
     refused(&["-o", out, "--device", "no such"], 1, "no such");
     refused(&["-o", &format!("{head}/nowhere/out.png")], 1, "nowhere");
-    let packed = folder.path().join("head.dmorph");
-    let packed = packed.to_str().expect("UTF-8");
+    let packed = &*folder.at("head.dmorph");
     ok(&["pack", &head, "-o", packed, "--quiet"]);
     ok(&["render", packed, "-o", out, "--quiet", "--size", "64x64"]);
 }

@@ -172,11 +172,11 @@ fn faces_of_four_rigs_are_one_scene() {
 
 #[test]
 fn clips_come_from_the_input_or_from_the_data_sets() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
+    let (folder, dir) = sample();
     let brief =
         ["--device", "llvmpipe", "--frames", "4", "--time-limit", "0.2", "--paths", "compute,blocks,cpu", "--quiet"];
-    let out = suite("clips", &[&[dir.as_str(), "--heads", "1,2"], &brief[..]].concat(), &folder.path().join("report"));
+    let out =
+        suite("clips", &[&[dir.as_str(), "--heads", "1,2"], &brief[..]].concat(), &folder.0.path().join("report"));
     assert_eq!(cells(&out).len(), 2);
     let techniques = names(&out, "technique");
     for name in ["blocks", "blocks fixed16", "blocks fixed16 animated", "compute", "compute rebuild", "cpu fixed16"] {
@@ -195,6 +195,6 @@ fn clips_come_from_the_input_or_from_the_data_sets() {
     assert_eq!((changed(1), changed(2)), (1, 1));
 
     let Some(set) = data::set("facecap_head_glb") else { return };
-    let out = suite("clips", &[&[set.to_str().unwrap()], &brief[..]].concat(), &folder.path().join("real"));
+    let out = suite("clips", &[&[set.to_str().unwrap()], &brief[..]].concat(), &folder.0.path().join("real"));
     assert_eq!(cells(&out)[0], "facecap_head_glb, facecap_30fps, 1 head");
 }

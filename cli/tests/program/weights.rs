@@ -1,20 +1,12 @@
 //! From clips to weights of targets: names in other spellings, weights of absolute poses.
 
-use crate::cli::{HEAD, deltamorph, fails, json, ok};
-use std::path::Path;
-
-/// Writes `text` as a clip in `folder`.
-fn clip(folder: &Path, text: &str) -> String {
-    let path = folder.join("clip.csv");
-    std::fs::write(&path, text).unwrap();
-    path.to_str().unwrap().to_owned()
-}
+use crate::cli::{Folder, HEAD, deltamorph, fails, json, ok};
 
 #[test]
 fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let play = |text: &str| {
-        let clip = clip(folder.path(), text);
+        let clip = folder.file("clip.csv", text);
         let out = deltamorph(&[&["play", "--path", "cpu", "--weights", &clip, "--json", "-"], &HEAD[..]].concat());
         let stderr = String::from_utf8(out.stderr).unwrap();
         (out.status.success(), serde_json::from_slice(&out.stdout).unwrap_or(serde_json::Value::Null), stderr)
@@ -55,10 +47,10 @@ fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
 
 #[test]
 fn weights_of_absolute_poses_are_normalised() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     // From the second frame on one weight changes; above a sum of one that changes every nonzero factor.
-    let clip =
-        clip(folder.path(), "eyeBlinkLeft,eyeBlinkRight,eyeWideLeft\n0.75,0.5,0.75\n0.75,0.5,0.25\n0.25,0.5,0.25\n");
+    let clip = folder
+        .file("clip.csv", "eyeBlinkLeft,eyeBlinkRight,eyeWideLeft\n0.75,0.5,0.75\n0.75,0.5,0.25\n0.25,0.5,0.25\n");
     let play = |more: &[&str]| {
         let out = json(&[&["play", "--path", "cpu", "--weights", &clip, "--json", "-"], &HEAD[..], more].concat());
         let changed = [0, 1, 2].map(|i| out["frames"][i]["changed"].as_u64().unwrap());
@@ -68,8 +60,8 @@ fn weights_of_absolute_poses_are_normalised() {
     assert_eq!(play(&["--normalise"]), ([3; 3], true));
     // Set weights are normalised, too: two poses, half of each.
     let pose = |set: &str, more: &[&str]| {
-        let out = folder.path().join(format!("{}.obj", more.len()));
-        let args = ["apply", "--path", "cpu", "--set", set, "-o", out.to_str().unwrap()];
+        let out = folder.at(&format!("{}.obj", more.len()));
+        let args = ["apply", "--path", "cpu", "--set", set, "-o", &out];
         ok(&[&args[..], &HEAD[..], more].concat());
         std::fs::read_to_string(out).unwrap()
     };
@@ -80,8 +72,8 @@ fn weights_of_absolute_poses_are_normalised() {
 
 #[test]
 fn fixed_point_poses_hold_the_weights_of_the_clip() {
-    let folder = tempfile::tempdir().unwrap();
-    let clip = clip(folder.path(), "eyeBlinkLeft,eyeWideRight\n1.25,0.5\n-1.75,0.5\n");
+    let folder = Folder::new();
+    let clip = folder.file("clip.csv", "eyeBlinkLeft,eyeWideRight\n1.25,0.5\n-1.75,0.5\n");
     let play = |more: &[&str]| {
         let args = ["play", "--path", "cpu", "--format", "small", "--pose", "fixed16", "--weights", &clip];
         let out = deltamorph(&[&args[..], &HEAD[..], more].concat());
@@ -93,7 +85,7 @@ fn fixed_point_poses_hold_the_weights_of_the_clip() {
     assert!(played && said.contains("weights up to 2.25: the range of fixed16"), "{said}");
     let (played, said) = play(&["--weight-max", "1"]);
     assert!(!played && said.contains("use a larger weight_max"), "{said}");
-    let out = folder.path().join("out.obj");
-    let set = ["apply", "--path", "cpu", "--pose", "fixed16", "--set", "eyeBlinkLeft=1.5", "-o", out.to_str().unwrap()];
+    let out = folder.at("out.obj");
+    let set = ["apply", "--path", "cpu", "--pose", "fixed16", "--set", "eyeBlinkLeft=1.5", "-o", &out];
     ok(&[&set[..], &HEAD[..]].concat());
 }
