@@ -1,15 +1,11 @@
 //! Planning a frame allocates nothing, since engines do it in their frame loop.
 
-use crate::gpu;
-use crate::testing;
+use crate::prelude::*;
 use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::schedule::Schedule;
 use deltamorph::internals::plan::steps::Steps;
 use deltamorph::internals::update::animated::{AnimatedUpdate, Playbacks};
 use deltamorph::internals::update::blocks::Planner;
-use deltamorph::{
-    AnimationDesc, Clips, Consumers, DeltaFormat, PackDesc, PackedMesh, Playback, PoseFormat, UpdateDesc, WeightClip,
-};
 
 #[test]
 fn planning_in_blocks_allocates_nothing_after_the_first_frames() {

@@ -17,6 +17,8 @@ mod host;
 mod joints;
 #[path = "common/planned.rs"]
 mod planned;
+#[path = "common/prelude.rs"]
+mod prelude;
 #[path = "common/scene.rs"]
 mod scene;
 #[path = "common/testing.rs"]

@@ -1,18 +1,10 @@
 //! Every Vulkan call of every operation of the library fails, one at a time, with each error that it may return: the
 //! error names the call and a remedy, nothing leaks, the same operation succeeds afterwards, and poses are right.
 
-use crate::buffers::Buffers;
-use crate::gpu;
-use crate::testing;
-use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
-use deltamorph::ash::vk;
-use deltamorph::reference::{compare, evaluate};
-use deltamorph::{
-    AnimationDesc, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, PackedMesh, Playback,
-    PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
-};
-use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
-use deltamorph_headless::Headless;
+use crate::prelude::*;
+use deltamorph::{ReadPose, Result};
+use deltamorph_failing::calls::ERRORS;
+use deltamorph_failing::{Control, NAME, enable};
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 use std::process::Command;

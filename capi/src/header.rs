@@ -172,31 +172,9 @@ fn generate_as(config: Config) -> String {
         ..config
     };
     let mut builder = Builder::new().with_config(config);
-    let files = [
-        "result",
-        "numbers",
-        "handles",
-        "structs/device",
-        "structs/mesh",
-        "structs/crowd",
-        "structs/after",
-        "queries",
-        "mesh",
-        "clip",
-        "sample",
-        "engine",
-        "upload",
-        "crowd",
-        "weights",
-        "record",
-        "views",
-        "readback",
-        "after",
-        "skin",
-        "bounds",
-        "lifetime",
-    ];
-    for file in files {
+    let files = "result numbers handles structs/device structs/mesh structs/crowd structs/after queries mesh clip \
+        sample engine upload crowd weights record views readback after skin bounds lifetime";
+    for file in files.split_whitespace() {
         builder = builder.with_src(Path::new(CRATE).join(format!("src/{file}.rs")));
     }
     let mut text = Vec::new();

@@ -1,6 +1,7 @@
 //! What a glTF file draws, evaluated in float64 by the formulas of glTF 2.0. Uses no code of the reader or of the
 //! library: JSON is read by serde_json, compressed views by meshoptimizer. Files are trusted.
 
+use glam::{DMat3, DMat4, DQuat, DVec3};
 use serde_json::Value;
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -78,40 +79,8 @@ impl Keys {
     }
 }
 
-/// In row-major order.
-pub type Matrix = [[f64; 4]; 4];
-
-fn product(a: &Matrix, b: &Matrix) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
-}
-
-/// Returns translation · rotation · scale; the rotation is a quaternion x y z w of any length but 0.
-fn matrix_of(translation: &[f64], rotation: &[f64], scale: &[f64]) -> Matrix {
-    let length = rotation.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let [x, y, z, w] = std::array::from_fn(|i| rotation[i] / length);
-    let rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-    ];
-    let row = |i: usize| [rows[i][0] * scale[0], rows[i][1] * scale[1], rows[i][2] * scale[2], translation[i]];
-    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Returns the inverse transpose of the upper three rows and columns: cross products of the other rows, divided by the
-/// determinant.
-fn normal_matrix(m: &Matrix) -> [[f64; 3]; 3] {
-    let [a, b, c] = [0, 1, 2].map(|i| [m[i][0], m[i][1], m[i][2]]);
-    let determinant = dot(&a, &cross(b, c));
-    [cross(b, c), cross(c, a), cross(a, b)].map(|row| row.map(|x| x / determinant))
 }
 
 fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
@@ -354,36 +323,35 @@ impl File {
     }
 
     /// Returns the matrix of each node, from its own space to the scene's.
-    pub fn worlds(&self, playing: Playing) -> Vec<Matrix> {
-        let local = |node: usize| -> Matrix {
+    pub fn worlds(&self, playing: Playing) -> Vec<DMat4> {
+        let local = |node: usize| {
             let stated = self.node(node);
-            if let Some(m) = floats(&stated["matrix"]) {
-                return std::array::from_fn(|i| std::array::from_fn(|j| m[4 * j + i]));
+            if let Some(matrix) = floats(&stated["matrix"]) {
+                return DMat4::from_cols_slice(&matrix);
             }
             let rest = [("translation", vec![0.0; 3]), ("rotation", vec![0.0, 0.0, 0.0, 1.0]), ("scale", vec![1.0; 3])];
             let [t, r, s] =
                 rest.map(|(path, default)| self.played(playing, node, path, floats(&stated[path]).unwrap_or(default)));
-            matrix_of(&t, &r, &s)
+            // A rotation may have any length but 0.
+            let rotation = DQuat::from_slice(&r).normalize();
+            DMat4::from_scale_rotation_translation(DVec3::from_slice(&s), rotation, DVec3::from_slice(&t))
         };
         let world = |node: usize| {
             let line = std::iter::successors(Some(node), |node| self.parents[*node]);
-            line.map(local).reduce(|below, above| product(&above, &below)).unwrap()
+            line.map(local).reduce(|below, above| above * below).unwrap()
         };
         (0..self.parents.len()).map(world).collect()
     }
 
     /// Returns positions, and normals of any length, of the vertices of all triangles that a node draws with these
     /// weights; a normal that the file does not state is 0.
-    pub fn vertices(&self, (mesh, node): Drawn, weights: &[f64], worlds: &[Matrix]) -> Vec<[[f64; 3]; 2]> {
-        let joints: Option<Vec<Matrix>> = whole(&self.node(node)["skin"]).map(|skin| {
+    pub fn vertices(&self, (mesh, node): Drawn, weights: &[f64], worlds: &[DMat4]) -> Vec<[DVec3; 2]> {
+        let joints: Option<Vec<DMat4>> = whole(&self.node(node)["skin"]).map(|skin| {
             let skin = &self.json["skins"][skin];
             let bind = skin.get("inverseBindMatrices").map(|index| self.numbers(index));
-            let bind = |i: usize| match &bind {
-                Some(m) => std::array::from_fn(|r| std::array::from_fn(|c| m[16 * i + 4 * c + r])),
-                None => matrix_of(&[0.0; 3], &[0.0, 0.0, 0.0, 1.0], &[1.0; 3]),
-            };
+            let bind = |i: usize| bind.as_ref().map_or(DMat4::IDENTITY, |m| DMat4::from_cols_slice(&m[16 * i..]));
             let joints = list(skin, "joints").iter().map(|joint| whole(joint).unwrap());
-            joints.enumerate().map(|(i, joint)| product(&worlds[joint], &bind(i))).collect()
+            joints.enumerate().map(|(i, joint)| worlds[joint] * bind(i)).collect()
         });
         let mut all = vec![];
         for primitive in list(&self.json["meshes"][mesh], "primitives") {
@@ -412,13 +380,10 @@ impl File {
                     let each = sets.iter().flat_map(|(j, w)| j[4 * v..][..4].iter().zip(&w[4 * v..][..4]));
                     let each: Vec<_> = each.filter(|(_, weight)| **weight > 0.0).collect();
                     let sum: f64 = each.iter().map(|(_, weight)| **weight).sum();
-                    let blend = |i: usize, k: usize| -> f64 {
-                        each.iter().map(|(joint, weight)| joints[**joint as usize][i][k] * **weight / sum).sum()
-                    };
-                    matrix = std::array::from_fn(|i| std::array::from_fn(|k| blend(i, k)));
+                    matrix = each.iter().map(|(joint, weight)| joints[**joint as usize] * (**weight / sum)).sum();
                 }
-                let position = [0, 1, 2].map(|i| dot(&matrix[i][..3], p) + matrix[i][3]);
-                all.push([position, normal_matrix(&matrix).map(|row| dot(&row, n))]);
+                let normals = DMat3::from_mat4(matrix).inverse().transpose();
+                all.push([matrix.transform_point3(DVec3::from_slice(p)), normals * DVec3::from_slice(n)]);
             }
         }
         all

@@ -1,18 +1,8 @@
 //! Poses in interleaved host vertices: bit for bit equal to those in the engine's buffers, with as many passes and
 //! barriers; nothing else of a vertex is written.
 
-use crate::buffers::{Buffers, Shared};
-use crate::gpu;
-use crate::testing;
-use deltamorph::after::DecodeTarget;
-use deltamorph::ash::vk;
-use deltamorph::{
-    AnimationDesc, Crowd, CrowdDesc, DeltaFormat, DeviceCaps, HostPoses, PackedMesh, Playback, PoseFormat, Semantic,
-    StreamView, Tolerance, UpdateDesc, VertexLayout,
-};
-use deltamorph_head::{HeadDesc, head, head_clip};
-use deltamorph_headless::{Headless, HeadlessCrowd};
-use std::sync::Arc;
+use crate::prelude::*;
+use deltamorph::StreamView;
 
 /// Initial bytes of the host's buffer.
 const POISON: u8 = 0xff;
@@ -62,39 +52,21 @@ fn vertices_of_halves(with_streams: bool) -> Vec<(VertexLayout, u64)> {
 
 /// The host's buffer, poisoned, and the poses in it.
 struct Host<'a> {
-    headless: &'a Headless,
     host: &'a Buffers<'a>,
     shared: Shared,
     poses: HostPoses,
 }
 
 impl<'a> Host<'a> {
-    fn new(host: &'a Buffers<'a>, headless: &'a Headless, place: (VertexLayout, u64), bytes: u64) -> Self {
-        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-        let (vertex, offset) = place;
+    fn new(host: &'a Buffers<'a>, (vertex, offset): (VertexLayout, u64), bytes: u64) -> Self {
         let shared = host.shared((offset + bytes) as usize + BEHIND);
-        let filled = headless.run(|cmd| {
-            let poison = u32::from_ne_bytes([POISON; 4]);
-            // SAFETY: `cmd` is recording; the buffer is alive.
-            unsafe { host.device.cmd_fill_buffer(cmd, shared.buffer, 0, vk::WHOLE_SIZE, poison) };
-            let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
-            host.barrier(cmd, (Stage::TRANSFER, Access::TRANSFER_WRITE), all);
-            Ok(())
-        });
-        filled.expect("a fill");
+        host.fill(&shared, u32::from_ne_bytes([POISON; 4]));
         // SAFETY: it is large enough, lives as long as all crowds here, and nothing else uses it while an update runs.
         let poses = unsafe { HostPoses::new(shared.buffer, offset, vertex) };
-        Self { headless, host, shared, poses }
+        Self { host, shared, poses }
     }
 
     fn contents(&self) -> Vec<u8> {
-        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-        let read = self.headless.run(|cmd| {
-            let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
-            self.host.barrier(cmd, all, (Stage::HOST, Access::HOST_READ));
-            Ok(())
-        });
-        read.expect("a barrier");
         self.host.contents(&self.shared)
     }
 
@@ -225,7 +197,7 @@ fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
                 let what = format!("{} {format:?} {update:?} {place:?}", headless.caps().name);
                 let desc = CrowdDesc { instances: heads, ..CrowdDesc::new(update) };
                 let bytes = place.0.pose_bytes(mesh.layout()) * u64::from(heads * update.slots);
-                let in_host = Host::new(&host, headless, place, bytes);
+                let in_host = Host::new(&host, place, bytes);
                 let desc_of_host = CrowdDesc { poses: Some(in_host.poses), ..desc };
                 assert_eq!(Crowd::pose_bytes(&mesh, &desc_of_host), bytes);
                 let mut ours = HeadlessCrowd::new(headless, &mesh, &desc).expect(&what);
@@ -275,7 +247,7 @@ fn heads_that_play_clips_are_written_into_the_hosts_vertices() {
                 let mesh = packed(headless, DeltaFormat::Fast, place.0.offset(Semantic::Tangent).is_some());
                 let desc = CrowdDesc { instances: 3, ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() }) };
                 let bytes = place.0.pose_bytes(mesh.layout()) * 3 * 2;
-                let in_host = Host::new(&host, headless, place, bytes);
+                let in_host = Host::new(&host, place, bytes);
                 let clips = [head_clip(&head_desc(), 40, 30.0)];
                 let made = |desc: CrowdDesc| -> HeadlessCrowd<'_> {
                     let animation = AnimationDesc::new(&clips);
@@ -315,7 +287,7 @@ fn poses_in_the_hosts_vertices_are_decoded() {
         ] {
             let mesh = packed(headless, DeltaFormat::Fast, false);
             let bytes = place.0.pose_bytes(mesh.layout()) * 2 * 2;
-            let in_host = Host::new(&host, headless, place, bytes);
+            let in_host = Host::new(&host, place, bytes);
             let desc = CrowdDesc {
                 instances: 2,
                 poses: Some(in_host.poses),

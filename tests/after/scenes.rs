@@ -2,17 +2,14 @@
 
 use super::formulas::{Drawn, File};
 use crate::file::{F32, I8, I16, U8, U16, Written, bytes};
-use deltamorph::import::gltf::{self, Animation, Channel, Gltf, Property};
-use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, KeptMesh, PackDesc, PackedMesh, Result, Tolerance, UpdateDesc, UpdatePath,
-    WeightClip, reference,
-};
+use crate::prelude::*;
+use deltamorph::Result;
+use deltamorph::import::gltf;
+use deltamorph::import::gltf::{Animation, Channel, Gltf, Property};
 use glam::{DVec3, Mat4, Quat, Vec3};
 use serde_json::json;
-use std::collections::HashMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// The largest error of a position, as a fraction of the diagonal of the scene at rest.
 const ALLOWED: f64 = 5e-6;
@@ -78,7 +75,7 @@ impl Compared {
     fn expected(&self, weights: &dyn Fn(Drawn) -> Vec<f64>) -> Vec<[DVec3; 2]> {
         let worlds = self.file.worlds(None);
         let vertices = |drawn: &Drawn| self.file.vertices(*drawn, &weights(*drawn), &worlds);
-        self.order.iter().flat_map(vertices).map(|vertex| vertex.map(DVec3::from_array)).collect()
+        self.order.iter().flat_map(vertices).collect()
     }
 
     fn names(&self, (_, node): Drawn) -> impl Iterator<Item = String> {

@@ -1,25 +1,14 @@
 //! Every post-morph pass, under the same tests: a rig per step, and a test for each column of the resulting table.
 //! A step without a rig does not compile.
 
-use crate::buffers::Buffers;
-use crate::gpu::{self, recorded};
-use crate::hazards::{Event, HazardChecker, Memory, barriers_needed};
+use crate::gpu::recorded;
+use crate::hazards::{Memory, barriers_needed};
 use crate::joints::{JOINTS, Joints, MIRRORED};
+use crate::prelude::*;
 use crate::written::Written;
-use deltamorph::after::{
-    DecodeTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget,
-};
-use deltamorph::internals::plan::schedule::asset_uploaded;
+use deltamorph::Result;
 use deltamorph::internals::plan::steps::PostMorphPass;
-use deltamorph::reference::{self, compare};
-use deltamorph::{
-    AnimationDesc, BatchSize, Consumers, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, KeptMesh, PackedMesh, Playback,
-    PoseFormat, Result, Tolerance, UpdateDesc, UpdatePath,
-};
-use deltamorph_head::{HeadDesc, Rng, head, head_clip};
-use deltamorph_headless::{Headless, HeadlessCrowd};
 use glam::DVec3;
-use std::sync::Arc;
 
 /// Largest errors of skinned positions, as a fraction of the diagonal, and of their normals, in degrees; and of
 /// recomputed normals.
@@ -102,7 +91,6 @@ struct Skinned<'a> {
 
 /// A step of an instance: its target, and its outputs.
 struct Rig<'a> {
-    headless: &'a Headless,
     mesh: Arc<PackedMesh>,
     source: &'a KeptMesh,
     target: Target,
@@ -126,7 +114,7 @@ impl<'a> Rig<'a> {
         (source, mesh): (&'a KeptMesh, &Arc<PackedMesh>),
     ) -> Self {
         let vertices = mesh.layout().vertex_count;
-        let written = |place| Written::new(headless, host, vertices, place);
+        let written = |place| Written::new(host, vertices, place);
         let place = [(0, 24, Some(12)), (268, 40, Some(16))][which];
         let (offset, stride, normals) = place;
         let (mut skinned, mut surface) = (None, None);
@@ -148,11 +136,8 @@ impl<'a> Rig<'a> {
                     joints: &influences.0,
                     weights: &influences.1,
                 };
-                // SAFETY: the buffer is recording, runs once, and is waited for; so below.
-                let uploaded = headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, mesh, &desc) });
-                let mut skin = uploaded.expect("a skin");
-                skin.release_staging();
-                let joints = Joints::new(headless, host, method, mesh.layout().diagonal);
+                let skin = gpu::skin(headless, mesh, &desc).expect("a skin");
+                let joints = Joints::new(host, method, mesh.layout().diagonal);
                 // Two buffers of the same stride in turn, or one.
                 let mut outputs = vec![written(place)];
                 if which == 0 {
@@ -169,18 +154,14 @@ impl<'a> Rig<'a> {
                 let corners = corners(source);
                 let desc =
                     NormalsDesc { sizes: &source.faces.sizes, welds: &source.welds, ..NormalsDesc::new(&corners) };
-                // SAFETY: as above.
-                let uploaded = headless.run(|cmd| unsafe { headless.engine().upload_normals(cmd, mesh, &desc) });
-                let mut uploaded = uploaded.expect("a surface");
-                uploaded.release_staging();
-                surface = Some(uploaded);
+                surface = Some(gpu::surface(headless, mesh, &desc).expect("a surface"));
                 let (offset, stride) = [(0, 12), (20, 28)][which];
                 let output = written((offset, stride, None));
                 (Target::Normals(NormalsTarget { offset, stride, ..NormalsTarget::new(output.buffer) }), vec![output])
             }
         };
         let held = outputs.iter().map(|_| vec![]).collect();
-        Self { headless, mesh: mesh.clone(), source, target, outputs, held, skinned, surface, worst: (0.0, 0.0) }
+        Self { mesh: mesh.clone(), source, target, outputs, held, skinned, surface, worst: (0.0, 0.0) }
     }
 
     fn try_set(&self, crowd: &mut HeadlessCrowd<'_>, instance: u32, target: Target) -> Result<()> {
@@ -220,7 +201,7 @@ impl<'a> Rig<'a> {
         let Some(skinned) = self.skinned.as_mut().filter(|_| [3, 11, 13].contains(&frame)) else { return false };
         // In one of them the same joints are set again.
         if frame != 11 {
-            skinned.joints.turn(self.headless, frame.into());
+            skinned.joints.turn(frame.into());
         }
         crowd.set_joints(instance, skinned.joints.offset()).expect("joints");
         true
@@ -230,7 +211,7 @@ impl<'a> Rig<'a> {
     fn take(&mut self) -> Vec<usize> {
         let outputs = self.outputs.iter().zip(&mut self.held);
         let taken = outputs.map(|(output, held)| {
-            let vertices = output.take(self.headless);
+            let vertices = output.take();
             let width = if output.place.2.is_some() { 6 } else { 3 };
             held.resize(vertices.len() * width, f32::NAN);
             for (held, words) in held.chunks_exact_mut(width).zip(&vertices) {
@@ -574,14 +555,10 @@ fn skins_and_surfaces_that_do_not_fit_are_refused() {
             (4, JOINTS, &changed(8..12, 0.0), "vertex 2 has weights that sum to 0"),
         ] {
             let desc = SkinDesc { influences: per_vertex, joint_count: count, joints: &joints, weights };
-            // SAFETY: it is refused, and nothing is recorded.
-            let uploaded = headless.run(|cmd| unsafe { engine.upload_skin(cmd, &mesh, &desc) });
-            crate::testing::says(uploaded, &[words]);
+            crate::testing::says(gpu::skin(headless, &mesh, &desc), &[words]);
         }
         let refused = |desc: NormalsDesc<'_>, words: &str| {
-            // SAFETY: it is refused, and nothing is recorded.
-            let uploaded = headless.run(|cmd| unsafe { engine.upload_normals(cmd, &mesh, &desc) });
-            let text = uploaded.err().expect("a refusal").to_string();
+            let text = gpu::surface(headless, &mesh, &desc).err().expect("a refusal").to_string();
             assert!(text.contains(words), "{text}");
             text
         };

@@ -1,14 +1,8 @@
 //! Animation on the GPU: weights, plans and poses against the CPU reference, bit for bit.
 
-use crate::gpu;
+use crate::prelude::*;
 use crate::scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_streams};
-use crate::testing;
-use deltamorph::{
-    AnimationDesc, CpuCrowd, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat,
-    UpdateDesc, UpdateMode, UpdatePath,
-};
-use deltamorph_headless::{Headless, HeadlessCrowd};
-use std::sync::Arc;
+use deltamorph::{KeyFormat, Repeat};
 
 /// Returns numbers below `n`, the same everywhere.
 fn dice(state: &mut u32, n: u32) -> u32 {

@@ -1,12 +1,8 @@
 //! Instances animated on the GPU: time, slots, adding and removing, misuse, and planted faults.
 
-use crate::gpu;
+use crate::prelude::*;
 use crate::scene::{FIXED, Scene, clips, crowd, fixed, head_desc, packed};
-use deltamorph::internals::plan::schedule::Barrier;
 use deltamorph::internals::plan::steps::{Access, Scope};
-use deltamorph::{AnimationDesc, BatchSize, DeltaFormat, PackedMesh, Playback, PoseFormat, UpdateDesc, UpdatePath};
-use deltamorph_headless::{Headless, HeadlessCrowd};
-use std::sync::Arc;
 
 /// Two instances that play the clip in which all weights change.
 fn two_heads<'a>(headless: &'a Headless, mesh: &Arc<PackedMesh>, update: UpdateDesc) -> Scene<'a> {

@@ -1,16 +1,10 @@
 //! Levels of detail on every path: poses with dropped and faded targets equal the float64 reference of the remaining
 //! weights.
 
-use crate::gpu::{self, on_every_device};
-use crate::scene::{self, Scene};
-use crate::testing;
+use crate::prelude::*;
+use crate::scene;
+use crate::scene::Scene;
 use deltamorph::lod::{Importance, Level, LevelDesc};
-use deltamorph::reference::{compare, evaluate};
-use deltamorph::{
-    AnimationDesc, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback, UpdateDesc, UpdatePath,
-};
-use deltamorph_headless::HeadlessCrowd;
-use std::sync::Arc;
 
 const TARGETS: usize = 12;
 

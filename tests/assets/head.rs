@@ -1,9 +1,7 @@
 //! The built-in head and its clip.
 
+use crate::prelude::*;
 use deltamorph::internals::diagonal;
-use deltamorph::{Mesh, Tolerance};
-use deltamorph_head::{HeadDesc, head, head_clip};
-use std::collections::HashMap;
 
 fn desc(vertices: usize, targets: usize, sparsity: f32) -> HeadDesc {
     HeadDesc { vertices, targets, sparsity, ..Default::default() }

@@ -1,7 +1,7 @@
 //! OBJ folders: imported data, and errors for unusable ones.
 
+use crate::prelude::*;
 use deltamorph::import::obj::{ObjFile, ObjMesh, import_folder, write_obj};
-use deltamorph::{Mesh, Tolerance, WeightClip};
 use glam::Vec3;
 use proptest::prelude::*;
 use std::path::Path;

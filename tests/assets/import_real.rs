@@ -1,10 +1,9 @@
 //! Import of real heads, against meta.json and README.txt of the sets.
 
-use crate::data;
+use crate::prelude::*;
 use deltamorph::import::csv;
 use deltamorph::import::obj::import_folder;
 use deltamorph::reference::evaluate_unpacked;
-use deltamorph::{KeptMesh, Mesh, Tolerance};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 

@@ -1,9 +1,7 @@
 //! A captured ARKit clip plays on each of the faces, whose names are spelt in other ways.
 
-use crate::data;
-use deltamorph::Mesh;
+use crate::prelude::*;
 use deltamorph::import::{ImportedMesh, csv, open};
-use deltamorph_head::{HeadDesc, head};
 
 fn mesh(name: &str) -> Option<Mesh> {
     match open(&data::set(name)?).unwrap().mesh {

@@ -5,9 +5,8 @@
 //! assigns them to pipelines. `statistics.rs` reads them.
 
 use super::engine::Pipeline;
-use deltamorph::DeviceCaps;
+use crate::prelude::*;
 use deltamorph::ash::khr::pipeline_executable_properties::Device as Executables;
-use deltamorph::ash::{self, vk};
 use deltamorph::internals::abi::kernels::{Buffer, KernelRow};
 use deltamorph::internals::abi::modules::MODULES;
 use std::ffi::CStr;

@@ -4,18 +4,9 @@
 //! call the driver's. So modules and constants are those of crowds as a host makes them, without a second list. The
 //! driver is lavapipe; the tuning is that of the GPU. Nothing is submitted.
 
-use crate::buffers::Buffers;
-use crate::gpu;
-use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
-use deltamorph::ash::{self, vk};
+use crate::prelude::*;
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
-use deltamorph::internals::gpu::tuning::DeviceTuning;
-use deltamorph::{
-    AnimationDesc, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, PackedMesh, PoseFormat,
-    Tolerance, UpdateDesc, UpdatePath,
-};
-use deltamorph_head::{HeadDesc, head, head_clip};
 use std::sync::Mutex;
 
 /// A pipeline: its module's name under spirv/, and specialization constants 0, 1, …

@@ -1,9 +1,8 @@
 //! Buffers of a host, in memory that host and device share.
 
-use deltamorph::ash::{self, vk};
+use crate::prelude::*;
 use deltamorph::internals::gpu::memory::Buffer;
 use deltamorph::internals::gpu::statistics::MemoryKind;
-use deltamorph_headless::Headless;
 use std::cell::RefCell;
 
 /// A buffer, as one of [`Buffers`].
@@ -13,6 +12,12 @@ pub struct Shared {
     index: usize,
     bytes: usize,
 }
+
+/// A scope of a barrier: all accesses on the device.
+const ALL: (vk::PipelineStageFlags, vk::AccessFlags) = (
+    vk::PipelineStageFlags::ALL_COMMANDS,
+    vk::AccessFlags::from_raw(vk::AccessFlags::MEMORY_READ.as_raw() | vk::AccessFlags::MEMORY_WRITE.as_raw()),
+);
 
 /// Buffers that are destroyed together.
 pub struct Buffers<'a> {
@@ -39,8 +44,33 @@ impl<'a> Buffers<'a> {
         shared
     }
 
-    /// Returns the contents of `shared`, whose writes have finished.
+    /// Records `f` after all memory accesses before and before all after, and waits.
+    fn alone(&self, to: (vk::PipelineStageFlags, vk::AccessFlags), f: impl FnOnce(vk::CommandBuffer)) {
+        let done = self.headless.run(|cmd| {
+            self.barrier(cmd, ALL, ALL);
+            f(cmd);
+            self.barrier(cmd, ALL, to);
+            Ok(())
+        });
+        done.expect("a device that works");
+    }
+
+    /// Fills `shared` with a word.
+    pub fn fill(&self, shared: &Shared, word: u32) {
+        // SAFETY: `cmd` is recording; the buffer is alive.
+        self.alone(ALL, |cmd| unsafe { self.device.cmd_fill_buffer(cmd, shared.buffer, 0, vk::WHOLE_SIZE, word) });
+    }
+
+    /// Writes numbers into `shared`.
+    pub fn write(&self, shared: &Shared, offset: u64, numbers: &[f32]) {
+        let bytes = bytemuck::cast_slice(numbers);
+        // SAFETY: as above; there is room for as much.
+        self.alone(ALL, |cmd| unsafe { self.device.cmd_update_buffer(cmd, shared.buffer, offset, bytes) });
+    }
+
+    /// Returns the contents of `shared`, after all work before.
     pub fn contents<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(&self, shared: &Shared) -> Vec<T> {
+        self.alone((vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ), |_| ());
         let mut all = self.all.borrow_mut();
         let bytes = all[shared.index].mapped().expect("mapped");
         bytes[..shared.bytes].chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect()

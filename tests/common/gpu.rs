@@ -1,13 +1,14 @@
 //! The real drivers that every GPU test runs on, with the validation layers on.
 
 use crate::hazards::{Event, HazardChecker, Violation, accesses, trace};
+use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, SkinDesc};
 use deltamorph::internals::pack::PackedGroup;
 use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
     BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, GpuMesh, KeptMesh, MorphEngine, POSE_FLOATS, PackDesc, PackedMesh,
-    PoseError, PoseFormat, UpdateDesc, UpdatePath, WeightClip,
+    PoseError, PoseFormat, Result, UpdateDesc, UpdatePath, WeightClip,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use std::slice::from_mut;
@@ -26,6 +27,22 @@ pub fn packed(engine: &MorphEngine, mesh: &KeptMesh, format: DeltaFormat) -> Pac
 pub fn upload(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh) -> GpuMesh {
     // SAFETY: `upload` hands out a recording buffer of the engine's device, and waits.
     headless.upload(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload")
+}
+
+/// Uploads a skin, waits, and releases its staging memory.
+pub fn skin(headless: &Headless, mesh: &PackedMesh, desc: &SkinDesc<'_>) -> Result<GpuSkin> {
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+    let mut skin = headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, mesh, desc) })?;
+    skin.release_staging();
+    Ok(skin)
+}
+
+/// Uploads a surface for normals, waits, and releases its staging memory.
+pub fn surface(headless: &Headless, mesh: &PackedMesh, desc: &NormalsDesc<'_>) -> Result<GpuNormals> {
+    // SAFETY: as above.
+    let mut surface = headless.run(|cmd| unsafe { headless.engine().upload_normals(cmd, mesh, desc) })?;
+    surface.release_staging();
+    Ok(surface)
 }
 
 /// Returns a clip that animates all targets of `mesh`.

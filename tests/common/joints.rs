@@ -1,10 +1,6 @@
 //! A random skeleton, and the buffer of its joints.
 
-use crate::buffers::{Buffers, Shared};
-use deltamorph::after::SkinMethod;
-use deltamorph::ash::vk;
-use deltamorph_head::Rng;
-use deltamorph_headless::Headless;
+use crate::prelude::*;
 
 pub const JOINTS: u32 = 23;
 /// The joint that is mirrored.
@@ -56,28 +52,18 @@ impl<'a> Joints<'a> {
     /// Bytes from one place to the other, before the first, and after the second.
     pub const STRIDE: u64 = 16 * 72;
 
-    pub fn new(headless: &Headless, host: &'a Buffers<'a>, method: SkinMethod, diagonal: f32) -> Self {
+    pub fn new(host: &'a Buffers<'a>, method: SkinMethod, diagonal: f32) -> Self {
         let shared = host.shared(3 * Self::STRIDE as usize);
         let mut this = Self { host, shared, method, diagonal, turn: 0, numbers: vec![] };
-        this.turn(headless, 1);
+        this.turn(1);
         this
     }
 
     /// Writes other joints to the other place.
-    pub fn turn(&mut self, headless: &Headless, seed: u64) {
-        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+    pub fn turn(&mut self, seed: u64) {
         self.turn = 1 - self.turn;
         self.numbers = skeleton(self.method, self.diagonal, seed);
-        let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
-        let update = headless.run(|cmd| {
-            self.host.barrier(cmd, all, (Stage::TRANSFER, Access::TRANSFER_WRITE));
-            let bytes = bytemuck::cast_slice(&self.numbers);
-            // SAFETY: `cmd` is recording; the buffer is alive, and has room for as much.
-            unsafe { self.host.device.cmd_update_buffer(cmd, self.shared.buffer, self.offset(), bytes) };
-            self.host.barrier(cmd, (Stage::TRANSFER, Access::TRANSFER_WRITE), all);
-            Ok(())
-        });
-        update.expect("an update of joints");
+        self.host.write(&self.shared, self.offset(), &self.numbers);
     }
 
     pub fn offset(&self) -> u64 {

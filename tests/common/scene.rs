@@ -1,24 +1,13 @@
 //! A crowd animated on the GPU and its CPU reference: both get the same calls, and their plans are compared.
 
-use crate::gpu;
 use crate::planned::{PlannedGroup, read_plan};
-use crate::testing;
+use crate::prelude::*;
 use crate::twin::AnimatedReference;
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::instances::InstanceState;
-use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::update::animated::Playbacks;
 use deltamorph::internals::update::blocks::WorkList;
-use deltamorph::packed::PoseGrid;
-use deltamorph::reference::{compare, evaluate};
-use deltamorph::{
-    AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback, PoseFormat,
-    Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
-};
-use deltamorph_head::{HeadDesc, head, head_clip};
-use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 
 pub fn head_desc() -> HeadDesc {
     HeadDesc { vertices: 900, targets: 37, sparsity: 0.15, seed: 3 }

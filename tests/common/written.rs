@@ -1,8 +1,6 @@
 //! The output of a post-morph pass for each vertex, in a buffer of the host's.
 
-use crate::buffers::{Buffers, Shared};
-use deltamorph::ash::vk;
-use deltamorph_headless::Headless;
+use crate::prelude::*;
 
 /// Initial words of a buffer: no number of a pose.
 const POISON: u32 = 0xffff_ffff;
@@ -17,40 +15,19 @@ pub struct Written<'a> {
 }
 
 impl<'a> Written<'a> {
-    pub fn new(headless: &Headless, host: &'a Buffers<'a>, vertices: usize, place: (u64, u32, Option<u32>)) -> Self {
+    pub fn new(host: &'a Buffers<'a>, vertices: usize, place: (u64, u32, Option<u32>)) -> Self {
         let (offset, stride, normals) = place;
         let bytes = offset as usize + (vertices - 1) * stride as usize + 12 + normals.unwrap_or(0) as usize;
         let words = host.shared(bytes);
-        let this = Self { host, buffer: words.buffer, place, words, vertices };
-        this.poison(headless);
-        this
-    }
-
-    fn poison(&self, headless: &Headless) {
-        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-        let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
-        let poison = headless.run(|cmd| {
-            self.host.barrier(cmd, all, (Stage::TRANSFER, Access::TRANSFER_WRITE));
-            // SAFETY: `cmd` is recording; the buffer is alive.
-            unsafe { self.host.device.cmd_fill_buffer(cmd, self.words.buffer, 0, vk::WHOLE_SIZE, POISON) };
-            self.host.barrier(cmd, (Stage::TRANSFER, Access::TRANSFER_WRITE), all);
-            Ok(())
-        });
-        poison.expect("a fill");
+        host.fill(&words, POISON);
+        Self { host, buffer: words.buffer, place, words, vertices }
     }
 
     /// Takes the written vertices as positions and normals: `None` if not written since the last time. Asserts that
     /// bytes in between are unchanged.
-    pub fn take(&self, headless: &Headless) -> Vec<Option<Vec<u32>>> {
-        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-        let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
-        let written = headless.run(|cmd| {
-            self.host.barrier(cmd, all, (Stage::HOST, Access::HOST_READ));
-            Ok(())
-        });
-        written.expect("a barrier");
+    pub fn take(&self) -> Vec<Option<Vec<u32>>> {
         let mut words = self.host.contents::<u32>(&self.words);
-        self.poison(headless);
+        self.host.fill(&self.words, POISON);
         let mut take =
             |at: u64| (at as usize / 4..).take(3).map(|i| std::mem::replace(&mut words[i], POISON)).collect();
         let (offset, stride, normals) = self.place;

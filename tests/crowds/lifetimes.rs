@@ -1,12 +1,9 @@
 //! Objects of host and engine that refer to each other are dropped in any order that compiles.
 
-use crate::gpu::{self, drivers, on_device, packed};
+use crate::gpu::packed;
 use crate::host::Host;
-use crate::testing;
-use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, UpdateDesc, UpdatePath};
-use deltamorph_headless::Headless;
+use crate::prelude::*;
 use std::any::Any;
-use std::sync::Arc;
 
 /// Returns every order of `things` items.
 fn orders(things: usize) -> Vec<Vec<usize>> {

@@ -1,11 +1,8 @@
 //! Changes of a running crowd: instances are hidden and shown, removed and added; tiles of any width; several
 //! descriptor ranges.
 
-use crate::gpu::{self, on_every_device, update_descs};
-use crate::testing;
-use deltamorph::reference::compare;
-use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath};
-use deltamorph_headless::{Draws, Headless, HeadlessCrowd, Step};
+use crate::prelude::*;
+use deltamorph_headless::Step;
 
 const TARGETS: usize = 12;
 

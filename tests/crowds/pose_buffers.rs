@@ -1,19 +1,11 @@
 //! Places of poses, known before the first update; additional usages; refused calls.
 
-use crate::buffers::Buffers;
-use crate::gpu::{self, on_device, on_every_device, weights};
-use crate::testing;
-use deltamorph::after::DecodeTarget;
-use deltamorph::ash::{self, vk};
+use crate::gpu::weights;
+use crate::prelude::*;
 use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 use deltamorph::memory::SharedAllocator;
-use deltamorph::{
-    BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, HostPoses, KeptMesh, MorphEngine, POSE_FLOATS, PackedMesh,
-    PoseFormat, Semantic, UpdateDesc, UpdatePath, VertexLayout,
-};
-use deltamorph_headless::{Headless, HeadlessCrowd};
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 fn packed(engine: &MorphEngine, format: DeltaFormat, with_streams: bool) -> PackedMesh {
     let mesh = testing::mesh(300, 11);

@@ -1,18 +1,10 @@
 //! Split meshes: vertices doubled at a seam of the texture coordinates stay together bit for bit in every pose, and are
 //! drawn from one index buffer.
 
-use crate::gpu;
+use crate::prelude::*;
 use deltamorph::mesh::{Corner, StreamData, StreamDeltas};
 use deltamorph::packed::BLOCK_SIZES;
-use deltamorph::reference::evaluate;
-use deltamorph::{
-    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, KeptMesh, Mesh, POSE_FLOATS, PackDesc, PackedMesh, PoseFormat,
-    Semantic, Tolerance, UpdateDesc, UpdatePath,
-};
-use deltamorph_head::{HeadDesc, head};
-use deltamorph_headless::{Headless, HeadlessCrowd};
 use glam::{Vec2, Vec3};
-use std::sync::Arc;
 
 /// Makes the built-in head with a texture of many charts: every eighth face is its own chart.
 fn charts() -> Mesh {

@@ -1,10 +1,8 @@
 //! Weights one at a time and by name.
 
-use crate::gpu::{fixed, on_every_device, packed, single};
-use crate::testing::{self, says};
-use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, PackDesc, PackedMesh, UpdateDesc, UpdatePath};
-use deltamorph_headless::HeadlessCrowd;
-use std::sync::Arc;
+use crate::gpu::{fixed, packed};
+use crate::prelude::*;
+use crate::testing::says;
 
 #[test]
 fn weights_are_set_one_at_a_time_and_read_back() {

@@ -1,23 +1,13 @@
 //! The crowds of the long run: their events, and their expected poses.
 
 use super::Counts;
-use crate::gpu;
-use crate::testing;
+use crate::prelude::*;
 use crate::twin::AnimatedReference;
-use deltamorph::ash::vk;
 use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::update::animated::Playbacks;
 use deltamorph::lod::Importance;
-use deltamorph::packed::PoseGrid;
-use deltamorph::reference::compare;
-use deltamorph::{
-    AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc, PackedMesh, Playback,
-    PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
-};
-use deltamorph_head::Rng;
-use deltamorph_headless::Headless;
+use deltamorph::{PoseView, Repeat, Result};
 use std::hash::{DefaultHasher, Hasher};
-use std::sync::Arc;
 
 const TARGETS: usize = 12;
 /// Least (and initial) and most places of a crowd.

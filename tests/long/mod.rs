@@ -6,11 +6,8 @@
 
 mod crowds;
 
-use crate::gpu;
+use crate::prelude::*;
 use crowds::{Animated, Loose, Weighted};
-use deltamorph::{Crowd, DeltaFormat, Error, PoseFormat, UpdateDesc};
-use deltamorph_head::Rng;
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hasher};
 use std::time::Instant;

@@ -20,18 +20,8 @@ fn cargo(args: &[&str]) -> String {
 
 /// Returns name and version of each crate that is built for the library with `features`, except itself.
 fn crates(features: &str) -> BTreeMap<String, String> {
-    let tree = cargo(&[
-        "tree",
-        "--package",
-        "deltamorph",
-        "--edges",
-        "normal,build",
-        "--no-default-features",
-        "--features",
-        features,
-        "--prefix",
-        "none",
-    ]);
+    let args = "tree --package deltamorph --edges normal,build --no-default-features --prefix none --features";
+    let tree = cargo(&args.split(' ').chain([features]).collect::<Vec<_>>());
     let pairs = tree.lines().filter_map(|line| line.split_once(" v"));
     let pairs =
         pairs.map(|(name, rest)| (name.to_owned(), rest.split([' ', '\n']).next().unwrap_or_default().to_owned()));

@@ -1,20 +1,8 @@
 //! Documented errors of the public API that no other test causes: messages name the problem and a remedy.
 
-use crate::gpu;
-use crate::testing;
-use deltamorph::after::{
-    DecodeTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget,
-};
-use deltamorph::ash::vk;
+use crate::prelude::*;
 use deltamorph::import::csv;
-use deltamorph::internals::gpu::tuning::DeviceTuning;
-use deltamorph::reference::{self, evaluate};
-use deltamorph::{
-    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, HostPoses, KeptMesh, MorphEngine,
-    PackDesc, PackedMesh, PoseFormat, Result, Semantic, UpdateDesc, UpdatePath, VertexLayout, WeightBounds, WeightClip,
-};
-use deltamorph_headless::Headless;
-use std::sync::Arc;
+use deltamorph::{Result, WeightBounds};
 
 fn says<T>(result: Result<T>, words: &str) {
     testing::says(result, &[words, "; "]);
@@ -109,12 +97,9 @@ fn make(headless: &Headless, packed: &PackedMesh) -> Made {
     let (joints, weights) = (vec![0; 400], vec![1.0; 400]);
     let (skin, normals) =
         (SkinDesc { influences: 4, joint_count: 1, joints: &joints, weights: &weights }, NormalsDesc::new(&[0, 1, 2]));
-    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-    let uploads = headless.run(|cmd| unsafe {
-        let skin = engine.upload_skin(cmd, packed, &skin)?;
-        Ok((engine.upload(cmd, packed)?, skin, engine.upload_normals(cmd, packed, &normals)?))
-    });
-    let (mesh, skin, surface) = uploads.expect("uploads");
+    let skin = gpu::skin(headless, packed, &skin).expect("a skin");
+    let surface = gpu::surface(headless, packed, &normals).expect("a surface");
+    let mesh = gpu::upload(headless, engine, packed);
     let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
     let update = if packed.layout().format.is_blocks() { UpdateDesc::blocks() } else { dense };
     let crowd = engine.create_crowd(&mesh, &CrowdDesc { instances: 2, ..CrowdDesc::new(update) }).expect("a crowd");
@@ -202,30 +187,24 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
 fn meshes_without_vertices_are_refused() {
     gpu::on_every_device(|headless, engine| {
         let empty = PackedMesh::pack(&KeptMesh::default(), &PackDesc::new(DeltaFormat::Fast)).expect("nothing");
-        // SAFETY: everything is refused: nothing is recorded.
-        unsafe {
-            says(headless.run(|cmd| engine.upload(cmd, &empty)), "has no vertices; leave it out");
-            let skin = SkinDesc { influences: 4, joint_count: 1, joints: &[], weights: &[] };
-            says(headless.run(|cmd| engine.upload_skin(cmd, &empty, &skin)), "has no vertices; leave it out");
-            let normals = NormalsDesc::new(&[]);
-            says(headless.run(|cmd| engine.upload_normals(cmd, &empty, &normals)), "has no vertices; leave it out");
-        }
+        let words = "has no vertices; leave it out";
+        // SAFETY: it is refused: nothing is recorded.
+        says(headless.run(|cmd| unsafe { engine.upload(cmd, &empty) }), words);
+        let skin = SkinDesc { influences: 4, joint_count: 1, joints: &[], weights: &[] };
+        says(gpu::skin(headless, &empty, &skin), words);
+        says(gpu::surface(headless, &empty, &NormalsDesc::new(&[])), words);
     });
 }
 
 #[test]
 fn what_exceeds_the_device_is_refused_with_the_numbers() {
     let limits = gpu::baseline(|caps| (caps.max_texels, caps.max_storage_range) = (2, 4096));
-    gpu::on_device_within(&gpu::one(), Some(limits), |headless, engine| {
+    gpu::on_device_within(&gpu::one(), Some(limits), |headless, _| {
         let packed = packed(DeltaFormat::Fast);
         let (joints, weights, corners) = (vec![0; 800], vec![1.0; 800], [0, 1, 2].repeat(400));
-        // SAFETY: everything is refused: nothing is recorded.
-        unsafe {
-            let skin = SkinDesc { influences: 8, joint_count: 1, joints: &joints, weights: &weights };
-            says(headless.run(|cmd| engine.upload_skin(cmd, &packed, &skin)), "allows 4096");
-            let normals = NormalsDesc::new(&corners);
-            says(headless.run(|cmd| engine.upload_normals(cmd, &packed, &normals)), "allows 4096");
-        }
+        let skin = SkinDesc { influences: 8, joint_count: 1, joints: &joints, weights: &weights };
+        says(gpu::skin(headless, &packed, &skin), "allows 4096");
+        says(gpu::surface(headless, &packed, &NormalsDesc::new(&corners)), "allows 4096");
     });
     let limits = gpu::baseline(|caps| caps.max_texels = 2);
     gpu::on_device_within(&gpu::one(), Some(limits), |headless, engine| {

@@ -1,14 +1,9 @@
 //! Memory of the engine, by what it is for, and from functions of the host's.
 
-use crate::gpu::{self, drivers, on_device, weights};
-use crate::testing;
-use deltamorph::ash::{self, vk};
+use crate::gpu::weights;
+use crate::prelude::*;
 use deltamorph::memory::{HostMemory, MemoryRequest, MemorySource};
-use deltamorph::reference::{compare, evaluate};
-use deltamorph::{Crowd, CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, UpdateDesc};
-use deltamorph_headless::HeadlessCrowd;
 use std::ptr::null_mut;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 #[test]

@@ -1,21 +1,11 @@
 //! Updates on a queue without graphics, with semaphores between them and the draws. CPU drivers have one queue family:
 //! here it is treated as one without graphics, and draws are separate submissions.
 
-use crate::buffers::{Buffers, Shared};
-use crate::gpu::{self, NORMAL, baseline, caps, drivers, is_kept, limited, on_device_within, weights};
-use crate::hazards::{Event, HazardChecker, accesses, trace};
-use crate::testing;
-use deltamorph::after::DecodeTarget;
-use deltamorph::ash::{self, vk};
-use deltamorph::internals::plan::schedule::Entry;
-use deltamorph::internals::plan::schedule::asset_uploaded;
+use crate::gpu::{baseline, caps, limited, on_device_within, weights};
+use crate::hazards::{accesses, trace};
+use crate::prelude::*;
+use deltamorph::PoseView;
 use deltamorph::internals::plan::steps::Stage;
-use deltamorph::reference::compare;
-use deltamorph::{
-    AnimationDesc, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, Playback,
-    PoseFormat, PoseView, UpdateDesc, UpdatePath,
-};
-use deltamorph_headless::Headless;
 
 const FRAMES: usize = 6;
 const INSTANCES: u32 = 2;
@@ -157,7 +147,6 @@ fn frames(
                 // SAFETY: the buffer is recording; the region lies within both buffers, which outlive it.
                 unsafe { queues.device.cmd_copy_buffer(cmd, view.buffer, copy.buffer, &[region]) };
             }
-            host.barrier(cmd, (At::TRANSFER, vk::AccessFlags::TRANSFER_WRITE), (At::HOST, vk::AccessFlags::HOST_READ));
         });
         draws.push(draw);
         frames.push(Frame { events, poses });

@@ -1,14 +1,7 @@
 //! The slots of animated updates that follow discarded ones: hosts that count frames rely on the rule for several
 //! queues in the documentation of `MorphEngine`. src/update/tests.rs holds weighted ones to it.
 
-use crate::buffers::Buffers;
-use crate::gpu::{self, drivers, on_device};
-use crate::testing;
-use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
-use deltamorph::ash::vk;
-use deltamorph::{AnimationDesc, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc};
-use deltamorph_head::Rng;
-use deltamorph_headless::{Headless, HeadlessCrowd};
+use crate::prelude::*;
 
 const INSTANCES: u32 = 3;
 /// Most updates waiting to be submitted, all of which may be discarded at once.
@@ -104,8 +97,7 @@ fn skin(headless: &Headless, mesh: &PackedMesh) -> GpuSkin {
     let vertices = mesh.layout().vertex_count;
     let (joints, weights) = (vec![0; 4 * vertices], vec![1.0; 4 * vertices]);
     let desc = SkinDesc { influences: 4, joint_count: 1, joints: &joints, weights: &weights };
-    // SAFETY: the buffer is recording, runs once, and is waited for; the skin outlives the crowds.
-    headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, mesh, &desc) }).expect("a skin")
+    gpu::skin(headless, mesh, &desc).expect("a skin")
 }
 
 #[test]

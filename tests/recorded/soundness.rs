@@ -1,9 +1,6 @@
 //! Safe code without undefined behaviour: threads, tickets, recorded updates, failing steps, and memory limits.
 
-use crate::gpu::{self, drivers, on_every_device};
-use crate::testing;
-use deltamorph::{DeltaFormat, PackDesc, PackedMesh, UpdateDesc};
-use deltamorph_headless::{Draws, Headless, HeadlessCrowd};
+use crate::prelude::*;
 use std::slice::from_mut;
 
 #[test]

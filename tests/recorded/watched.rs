@@ -1,17 +1,8 @@
 //! What a host can watch of an update's commands: the labels around its steps, and timestamps between them; and the
 //! cache that pipelines are made with. Calls go to the driver through functions that write them down.
 
-use crate::buffers::Buffers;
-use crate::gpu::{self, drivers, on_device, single, update_descs};
-use crate::testing;
-use deltamorph::after::DecodeTarget;
-use deltamorph::ash::{self, vk};
-use deltamorph::{
-    AnimationDesc, BatchSize, Crowd, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, Playback, UpdateDesc, UpdatePath,
-};
-use deltamorph_headless::Headless;
+use crate::prelude::*;
 use std::cell::{Cell, RefCell};
-use std::collections::HashMap;
 use std::ffi::{CStr, c_char, c_void};
 
 type Function = unsafe extern "system" fn();

@@ -1,12 +1,9 @@
 //! Planted faults, each of which the harness has to detect.
 
 use super::table::{ROWS, for_every_update, variants};
-use crate::gpu::{self, hazards, packed, weights};
-use crate::hazards::Event;
-use crate::testing;
+use crate::gpu::{hazards, packed, weights};
+use crate::prelude::*;
 use deltamorph::DeltaFormat::{Fast, Float32, Small};
-use deltamorph::internals::plan::schedule::Barrier;
-use deltamorph::{UpdateDesc, UpdatePath};
 
 #[test]
 fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {

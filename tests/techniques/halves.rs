@@ -2,11 +2,9 @@
 
 use super::poses::check;
 use super::table::{can_read, history};
-use crate::gpu::{on_every_device, packed, single};
-use crate::testing;
+use crate::gpu::packed;
+use crate::prelude::*;
 use deltamorph::mesh::{KeptTarget, StreamDeltas};
-use deltamorph::{BatchSize, DeltaFormat, KeptMesh, UpdateDesc, UpdatePath};
-use deltamorph_headless::HeadlessCrowd;
 use glam::Vec3;
 
 /// Returns `mesh` with its deltas cut to half floats: 10 bits after the first, and steps of 2^-24 below 2^-14.

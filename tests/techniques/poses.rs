@@ -2,13 +2,10 @@
 //! updates; and idle instances.
 
 use super::table::{can_read, for_every_update, history, updates, variants};
-use crate::gpu::{self, NORMAL, POSITION, in_eight_chunks, on_every_device, packed, weights};
-use crate::testing;
+use crate::gpu::{POSITION, in_eight_chunks, packed, weights};
+use crate::prelude::*;
 use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
-use deltamorph::reference::{compare, evaluate};
-use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath};
-use deltamorph_headless::{Draws, Headless, PoseUpload};
-use std::sync::Arc;
+use deltamorph_headless::PoseUpload;
 
 /// Plays `frames` frames of a history and compares every pose and previous pose with the reference.
 pub fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: usize) {

@@ -1,11 +1,10 @@
 //! Recording without submitting: updates that are delayed, dropped, reset, or recorded twice before they run.
 
 use super::table::{can_read, for_every_update, keep_supported, variants};
-use crate::gpu::{self, assert_right};
-use crate::testing;
+use crate::gpu::assert_right;
+use crate::prelude::*;
 use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
-use deltamorph::{PackedMesh, UpdateDesc, UpdateMode, UpdateStats};
-use deltamorph_headless::{Draws, Headless, HeadlessCrowd};
+use deltamorph::UpdateStats;
 
 /// Runs `test` for every technique and batch size of every device, on fresh crowds that have shown two frames;
 /// techniques of others in every mode, with one to three slots.

@@ -1,15 +1,10 @@
 //! Unsupported uses of a technique are refused: the message names the technique, and a remedy.
 
 use super::table::ROWS;
-use crate::gpu::{self, on_every_device, packed, single};
-use crate::testing;
+use crate::gpu::packed;
+use crate::prelude::*;
 use crate::testing::says;
 use deltamorph::DeltaFormat::{Float32, Small};
-use deltamorph::{
-    BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, PackDesc, PackedMesh, PoseFormat, UpdateDesc,
-    UpdateMode, UpdatePath,
-};
-use deltamorph_headless::{Headless, HeadlessCrowd};
 
 /// Runs `test` on every driver with one limit.
 fn within(limit: fn(&mut DeviceCaps), test: impl Fn(&Headless, &MorphEngine)) {

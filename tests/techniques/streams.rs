@@ -2,17 +2,11 @@
 //! drivers and on the CPU, against the float64 reference.
 
 use super::table::{ROWS, can_read, for_every_update, keep_supported, variants};
-use crate::gpu::{self, NORMAL, POSITION, on_every_device, update_descs, weights};
-use crate::hazards::{Event, HazardChecker};
-use crate::testing;
+use crate::gpu::{POSITION, weights};
+use crate::prelude::*;
 use deltamorph::internals::pack::PackedGroup;
 use deltamorph::mesh::MorphTarget;
 use deltamorph::reference::compare_group;
-use deltamorph::{
-    CpuCrowd, CrowdDesc, DeltaFormat, KeptMesh, Mesh, PackDesc, PackedMesh, Semantic, Tolerance, UpdateDesc, UpdatePath,
-};
-use deltamorph_headless::{Draws, Headless, HeadlessCrowd};
-use std::sync::Arc;
 
 const TARGETS: usize = 11;
 const HEADS: usize = 3;

@@ -1,11 +1,7 @@
 //! The table: a row per update path, with the variants to test and the expected results.
 
-use crate::gpu;
+use crate::prelude::*;
 use deltamorph::DeltaFormat::{Float32, Small};
-use deltamorph::{
-    BatchSize, DeltaFormat, DeviceCaps, KeptMesh, MorphEngine, PackedMesh, UpdateDesc, UpdateMode, UpdatePath,
-};
-use deltamorph_headless::Headless;
 
 /// Tested batch sizes.
 #[derive(Clone, Copy, PartialEq)]

@@ -1,9 +1,7 @@
 //! Bounds from weights contain the poses of every path, and those of real sets.
 
-use crate::gpu;
-use deltamorph::{CrowdDesc, Tolerance, WeightBounds};
-use deltamorph_head::{HeadDesc, head};
-use deltamorph_headless::HeadlessCrowd;
+use crate::prelude::*;
+use deltamorph::WeightBounds;
 
 /// Returns the least and greatest coordinates of a pose of six numbers per vertex.
 fn extent<T: Copy + PartialOrd>(pose: &[T]) -> [T; 6] {

@@ -1,18 +1,9 @@
 //! The limits of weak devices, on real drivers: an engine with these limits keeps to them in every call, which wrappers
 //! of the driver's functions check; its poses match the float64 reference, and its steps run.
 
-use crate::buffers::Buffers;
-use crate::gpu::{self, NORMAL, baseline};
+use crate::gpu::baseline;
+use crate::prelude::*;
 use crate::written::Written;
-use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
-use deltamorph::ash::{self, vk};
-use deltamorph::reference::compare;
-use deltamorph::{
-    BatchSize, Consumers, CrowdDesc, DeltaFormat, DeviceCaps, DeviceDesc, KeptMesh, MorphEngine, PoseFormat, Tolerance,
-    UpdateDesc, UpdatePath,
-};
-use deltamorph_head::{HeadDesc, head};
-use deltamorph_headless::Headless;
 use std::ffi::{CStr, c_void};
 use std::sync::{Mutex, MutexGuard};
 
@@ -201,16 +192,13 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, up
     let joint = [1.0f32, 0.0, 0.0, 7.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     let joints = host.shared(48);
     let places = [(268, 40, Some(16)), (0, 24, Some(12)), (4, 12, None)];
-    let outputs = places.map(|place| Written::new(headless, &host, vertices, place));
+    let outputs = places.map(|place| Written::new(&host, vertices, place));
+    host.write(&joints, 0, &joint);
     let (names, shares) = (vec![0u16; 4 * vertices], [1.0f32, 0.0, 0.0, 0.0].repeat(vertices));
     // SAFETY: buffers are recording, run once and are waited for; everything they use lives until then.
     unsafe {
         let (mut uploaded, mut skin, mut surface) = headless
             .run(|cmd| {
-                let bytes = joint.map(f32::to_ne_bytes).concat();
-                headless.handles().2.cmd_update_buffer(cmd, joints.buffer, 0, &bytes);
-                let all = (vk::PipelineStageFlags::ALL_COMMANDS, vk::AccessFlags::MEMORY_WRITE);
-                host.barrier(cmd, all, (all.0, vk::AccessFlags::MEMORY_READ));
                 let skin = engine.upload_skin(
                     cmd,
                     &packed,
@@ -245,7 +233,7 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, up
                 let error = compare(&pose.vertices, &gpu::reference(&packed, &update, weights));
                 assert!(error.within(1e-5 * diagonal, NORMAL), "{what}, frame {frame}: {error:?}");
             }
-            let taken = outputs.each_ref().map(|output| output.take(headless).iter().flatten().count());
+            let taken = outputs.each_ref().map(|output| output.take().iter().flatten().count());
             assert!(taken.iter().all(|count| *count > 0), "{what}, frame {frame}: {taken:?} vertices are written");
         }
     }

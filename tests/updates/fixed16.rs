@@ -1,16 +1,9 @@
 //! 16-bit poses: distance from float64 on captured clips, memory, largest weights, and unusual meshes.
 
-use crate::data;
-use crate::gpu;
-use crate::testing;
+use crate::prelude::*;
 use deltamorph::mesh::KeptTarget;
-use deltamorph::reference::{angle_degrees, evaluate};
-use deltamorph::{
-    CpuCrowd, Crowd, CrowdDesc, DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdatePath,
-};
-use deltamorph_headless::HeadlessCrowd;
+use deltamorph::reference::angle_degrees;
 use glam::DVec3;
-use std::sync::Arc;
 
 fn on_cpu(pose: PoseFormat) -> UpdateDesc {
     UpdateDesc { path: UpdatePath::Cpu, pose, ..UpdateDesc::blocks() }

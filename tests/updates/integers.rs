@@ -1,18 +1,9 @@
 //! Fixed-point poses do not depend on their history: a pose has the bits of a full evaluation of its weights, on every
 //! driver and on the CPU, and the previous pose those of the pose before.
 
-use crate::gpu;
-use crate::testing;
-use deltamorph::reference::{compare, evaluate};
-use deltamorph::{
-    BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdateMode,
-    UpdatePath,
-};
-use deltamorph_head::{HeadDesc, head};
-use deltamorph_headless::{Headless, HeadlessCrowd};
+use crate::prelude::*;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
-use std::sync::Arc;
 
 const TARGETS: usize = 9;
 const HEADS: usize = 9;

@@ -1,11 +1,7 @@
 //! Rigs of hundreds of overlapping targets, with the defaults: poses are near those of the requested weights, and the
 //! stated bound holds, although it exceeds the tolerance.
 
-use crate::{data, gpu};
-use deltamorph::reference::{compare, evaluate};
-use deltamorph::{CpuCrowd, DeltaFormat, KeptMesh, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath};
-use deltamorph_head::{HeadDesc, Rng, head};
-use std::sync::Arc;
+use crate::prelude::*;
 
 const FRAMES: usize = 400;
 /// Every weight wanders in [0, 1]; in a frame, one of so many targets moves.

@@ -1,10 +1,9 @@
 //! Poses read back by the engine's own type: every technique, streams, fixed-point poses, several instances, hosts'
 //! barriers.
 
-use crate::gpu::{self, NORMAL, is_kept, on_every_device, update_descs, weights};
-use crate::testing;
-use deltamorph::reference::{compare, compare_group};
-use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc};
+use crate::gpu::weights;
+use crate::prelude::*;
+use deltamorph::reference::compare_group;
 
 /// Update, readback and next update are in one submission each, so only barriers order them.
 #[test]

@@ -1,15 +1,8 @@
 //! Real meshes and captured clips: the project's limits of errors, bits, bytes and memory.
 
-use crate::data;
-use crate::gpu;
+use crate::prelude::*;
+use deltamorph::UpdateStats;
 use deltamorph::import::obj;
-use deltamorph::reference::{compare, evaluate};
-use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, KeptMesh, MorphEngine, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc,
-    UpdatePath, UpdateStats,
-};
-use std::collections::HashMap;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 fn pack(mesh: &KeptMesh, format: DeltaFormat) -> Arc<PackedMesh> {

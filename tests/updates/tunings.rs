@@ -1,10 +1,6 @@
 //! Tuning affects speed only: whatever it is, poses are right, and those of integers are the same.
 
-use crate::gpu;
-use crate::testing;
-use deltamorph::internals::gpu::tuning::DeviceTuning;
-use deltamorph::{BlockDesc, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, UpdateDesc};
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use crate::prelude::*;
 
 const HEADS: u32 = 3;
 const TARGETS: usize = 12;
