@@ -96,7 +96,8 @@ fn crowds_on_the_cpu_share_a_mesh_and_have_threads_of_their_own() {
     let mesh = Arc::new(mesh.expect("a mesh that packs"));
     let evaluate = |threads: usize| {
         let update = UpdateDesc { path: UpdatePath::Cpu, ..gpu::fixed()[0] };
-        let mut crowd = CpuCrowd::new(mesh.clone(), update, 6, threads).expect("a crowd");
+        let mut crowd = CpuCrowd::new(mesh.clone(), &CrowdDesc { instances: 6, ..CrowdDesc::new(update) }, threads)
+            .expect("a crowd");
         let mut poses = vec![];
         for frame in 0..4 {
             (0..6).for_each(|i| crowd.set_weights(i, &weights(&mesh, frame, i)).expect("weights"));

@@ -7,7 +7,6 @@ use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::{DIRECT_ATTRIBUTES, FEEDBACK, VERTEX_STORE};
 use deltamorph::internals::gpu::mesh::MeshBuffers;
 use deltamorph::internals::gpu::pipelines::Pipelines;
-use deltamorph::internals::plan::UpdatePath;
 use deltamorph::internals::update::dense::DensePlanner;
 use deltamorph::internals::update::dense::feedback::VertexPasses;
 use deltamorph::internals::update::dense::technique::{ChunkSets, DensePass};
@@ -52,7 +51,7 @@ impl Draws for AttributeDraws {
                 format!("make several crowds of at most {INSTANCES_MAX}"),
             ));
         }
-        let capturer = match Capture::of(context.device, UpdatePath::DirectAttributes) {
+        let capturer = match Capture::of(context.device, crate::DIRECT_ATTRIBUTES) {
             Ok(Capture::Feedback) => Some((VertexPasses::of(&context, &FEEDBACK)?, None)),
             Ok(Capture::Store) => {
                 let store = VertexPasses::of(&context, &VERTEX_STORE)?;

@@ -11,7 +11,6 @@ use deltamorph::internals::gpu::memory::Ring;
 use deltamorph::internals::gpu::mesh::{MeshBuffers, delta_range};
 use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
 use deltamorph::internals::pack::{BASE_STRIDE, DeltaFormat};
-use deltamorph::internals::plan::UpdatePath;
 use deltamorph::internals::update::dense::DensePlanner;
 use deltamorph::internals::update::dense::feedback::vertex_input;
 use deltamorph::internals::update::technique::Context;
@@ -82,7 +81,7 @@ impl Draws for DirectDraws {
         context.check_offsets("weights", bytes, "make several crowds, or use fewer frames in flight")?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
         let ring = Ring::new(context.device, "deltamorph weights", part, frames, usage)?;
-        let capture = Capture::of(context.device, UpdatePath::Direct).ok();
+        let capture = Capture::of(context.device, crate::DIRECT).ok();
         let kernel = context.kernels.get(Direct { format: mesh.layout.format, capture })?;
         let mut bound = vec![
             BufferRange::new(mesh.deltas.raw, 0, delta_range(&mesh.layout)),

@@ -15,6 +15,7 @@ mod draws;
 #[cfg(test)]
 #[path = "../../tests/common/hazards.rs"]
 mod hazards;
+mod paths;
 mod scatter;
 #[cfg(test)]
 #[path = "../../tests/common/testing.rs"]
@@ -29,6 +30,7 @@ use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
 use deltamorph::internals::update::dense::technique::DenseTechnique;
 use deltamorph::internals::update::technique::{Context, Technique, Techniques};
 use deltamorph::{Error, PackedMesh, Result, UpdatePath};
+pub use paths::{DIRECT, DIRECT_ATTRIBUTES, PATHS, SCATTER, TEXTURE, VERTEX_STORE};
 use std::any::Any;
 use std::sync::Arc;
 
@@ -48,11 +50,11 @@ pub static TECHNIQUES: Techniques = Techniques { make, upload };
 
 fn make(context: Context<'_>) -> Result<Box<dyn Technique>> {
     Ok(match context.desc.update.path {
-        UpdatePath::VertexStore => Box::new(DenseTechnique::<vertex_store::StorePasses>::new(context)?),
-        UpdatePath::Scatter => Box::new(scatter::ScatterTechnique::new(context)?),
-        UpdatePath::Direct => Box::new(draws::DrawTechnique::<direct::DirectDraws>::new(context)?),
-        UpdatePath::DirectAttributes => Box::new(draws::DrawTechnique::<attributes::AttributeDraws>::new(context)?),
-        UpdatePath::Texture => Box::new(texture::TextureTechnique::new(context)?),
+        VERTEX_STORE => Box::new(DenseTechnique::<vertex_store::StorePasses>::new(context)?),
+        SCATTER => Box::new(scatter::ScatterTechnique::new(context)?),
+        DIRECT => Box::new(draws::DrawTechnique::<direct::DirectDraws>::new(context)?),
+        DIRECT_ATTRIBUTES => Box::new(draws::DrawTechnique::<attributes::AttributeDraws>::new(context)?),
+        TEXTURE => Box::new(texture::TextureTechnique::new(context)?),
         path => return Err(Error::invalid(format!("update path '{}'", path.name()), "it is one of the library's own")),
     })
 }
@@ -66,7 +68,7 @@ unsafe fn upload(
     path: UpdatePath,
 ) -> Result<(Vec<MeshBuffers>, Vec<Upload>)> {
     match path {
-        UpdatePath::Scatter => scatter::upload(device, mesh),
+        SCATTER => scatter::upload(device, mesh),
         // SAFETY: the caller's obligations.
         _ => unsafe { texture::upload(device, cmd, mesh) },
     }

@@ -205,7 +205,7 @@ mod tests {
     fn every_item_of_the_library_has_a_number_and_zero_is_the_default() {
         check("DM_DELTAS_", DeltaFormat::ALL, DELTAS, delta_format);
         check("DM_POSE_", PoseFormat::ALL, POSES, |n| pose_format(n, PoseFormat::Fixed32));
-        let ours = UpdatePath::ALL.into_iter().filter(|path| !path.is_baseline() && *path != UpdatePath::Cpu);
+        let ours = UpdatePath::ALL.into_iter().filter(|path| *path != UpdatePath::Cpu);
         check("DM_PATH_", ours, PATHS, path);
         let bits = (0..32).map(|bit| 1 << bit).filter(|bit| Consumers::from_bits(*bit).is_some());
         assert_eq!(bits.collect::<Vec<u32>>(), constants("DM_READ_BY_"));

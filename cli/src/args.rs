@@ -286,7 +286,7 @@ pub struct UpdateArgs {
     /// Update paths, separated by commas [default: blocks, or cpu without a device; bench: feedback, compute, blocks
     /// and cpu]
     #[arg(help_heading = POSES, long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
-    #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
+    #[arg(value_parser = values::named(&deltamorph_baselines::PATHS, UpdatePath::name, UpdatePath::summary))]
     pub paths: Vec<UpdatePath>,
     /// Update the current pose, or rebuild each pose from the base pose [default: incremental; scatter and the direct
     /// paths always rebuild]

@@ -53,7 +53,7 @@ fn describe(index: usize, caps: &DeviceCaps) -> (String, Value) {
     let DeviceCaps { name, driver, driver_info, api_version: (major, minor, patch), .. } = caps;
     let version = format!("{major}.{minor}.{patch}");
     let kind = caps.kind.name();
-    let paths: Vec<PathRow> = UpdatePath::ALL.into_iter().map(|path| path_row(caps, path)).collect();
+    let paths: Vec<PathRow> = deltamorph_baselines::PATHS.into_iter().map(|path| path_row(caps, path)).collect();
     let mut lines = vec![format!("{index}: {name} ({kind}), {driver} {driver_info}, Vulkan {version}")];
     for PathRow { path, reason, batch_max, .. } in &paths {
         let sizes: Vec<String> = batch_max.iter().map(|(format, n)| format!("{n} {format}")).collect();

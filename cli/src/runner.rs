@@ -135,7 +135,7 @@ impl<'a> Runner<'a> {
         if desc.path != UpdatePath::Cpu {
             return Self::scene(gpu, &[(mesh.clone(), desc)], heads);
         }
-        let crowd = CpuCrowd::new(mesh.clone(), desc, heads, threads)?;
+        let crowd = CpuCrowd::new(mesh.clone(), &CrowdDesc { instances: heads, ..CrowdDesc::new(desc) }, threads)?;
         let upload = gpu.map(|gpu| PoseUpload::new(gpu, crowd.layout(), heads)).transpose()?;
         Ok(Self::Cpu(Box::new(crowd), upload.map(Box::new)))
     }
@@ -305,7 +305,7 @@ pub struct Setup {
 
 /// How poses add up: "exact" where sums are of integers, and equal to a full evaluation bit for bit; else "float".
 pub fn accumulate(desc: &UpdateDesc) -> &'static str {
-    if desc.pose.has_integers() || desc.path == UpdatePath::Scatter { "exact" } else { "float" }
+    if desc.pose.has_integers() || desc.path == deltamorph_baselines::SCATTER { "exact" } else { "float" }
 }
 
 impl Stage {

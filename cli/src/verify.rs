@@ -6,7 +6,8 @@ use crate::table::{sig3, thousands};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_group, evaluate_unpacked};
 use deltamorph::{
-    CpuCrowd, KeptMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, PoseFormat, UpdateDesc, UpdateStats,
+    CpuCrowd, CrowdDesc, KeptMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, PoseFormat, UpdateDesc,
+    UpdateStats,
 };
 use deltamorph_headless::Draws;
 use glam::DVec3;
@@ -122,7 +123,7 @@ pub fn float_rounding(desc: &UpdateDesc, mesh: &Arc<PackedMesh>) -> deltamorph::
     if layout.blocks.is_none() {
         return Ok(POSITION_BOUND * scale);
     }
-    let mut crowd = CpuCrowd::new(mesh.clone(), *desc, 1, 1)?;
+    let mut crowd = CpuCrowd::new(mesh.clone(), &CrowdDesc::new(*desc), 1)?;
     crowd.set_weights(0, &vec![1.0; layout.targets.len()])?;
     // Updates take blocks to the tolerance, or to twice the bound of their evaluation in full.
     Ok((f64::from(desc.tolerance) * scale).max(2.0 * f64::from(crowd.update().bound)))
@@ -515,7 +516,7 @@ mod tests {
             let batch = if format.is_blocks() { BatchSize::All } else { BatchSize::Targets(1) };
             let desc = UpdateDesc { pose, tolerance: 1e-3, ..UpdateDesc::new(UpdatePath::Cpu, batch) };
             let mesh = Arc::new(PackedMesh::pack(&quad(x), &PackDesc::new(format)).expect("packed"));
-            let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), desc, 1, 1) else {
+            let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), &CrowdDesc::new(desc), 1) else {
                 assert!(!format.is_blocks() && pose == PoseFormat::Fixed32, "{format:?} {pose:?}");
                 continue;
             };

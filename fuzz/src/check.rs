@@ -2,7 +2,7 @@
 
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, Error, KeptMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdatePath,
+    BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, Error, KeptMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdatePath,
 };
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ pub fn pack_and_update(mesh: &KeptMesh, choice: u32) {
 pub fn update(mesh: &Arc<PackedMesh>, choice: u32) {
     let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
     let picked = UpdateDesc { pose: PoseFormat::ALL[choice as usize % PoseFormat::ALL.len()], ..desc };
-    let new = |desc| Some((CpuCrowd::new(mesh.clone(), desc, 1, 1).map_err(check_error).ok()?, desc));
+    let new = |desc| Some((CpuCrowd::new(mesh.clone(), &CrowdDesc::new(desc), 1).map_err(check_error).ok()?, desc));
     let Some((mut crowd, desc)) = new(picked).or_else(|| new(desc)) else { return };
     for frame in 0..3u32 {
         let weight = |t: u32| match (choice ^ (t * 77 + frame * 13)).wrapping_mul(2_654_435_761) >> 16 {

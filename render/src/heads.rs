@@ -339,7 +339,7 @@ impl Processor {
         masks: Option<MaskPlace>,
     ) -> Result<Self> {
         let HeadsDesc { count, frames, update, threads, .. } = *desc;
-        let crowd = CpuCrowd::new(packed.clone(), update, count, threads)?;
+        let crowd = CpuCrowd::new(packed.clone(), &CrowdDesc { instances: count, ..CrowdDesc::new(update) }, threads)?;
         let bytes = count as usize * crowd.stored_pose(0, 0)?.len();
         let bytes = bytes * if masks.is_some() { 3 } else { 2 };
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER;

@@ -9,7 +9,7 @@ mod sums;
 mod workers;
 
 use crate::crowd::crowd_methods;
-use crate::error::{Error, Result, refuse};
+use crate::error::{Error, Result, ensure, refuse};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::instances::{InstanceState, Instances, OutputChange, check_weight, check_weights};
@@ -17,6 +17,7 @@ use crate::plan::steps::{Source, Work};
 use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
 use crate::update::blocks::{GroupPlan, Item, Planner};
+use crate::update::crowd::CrowdDesc;
 use crate::update::dense::{DensePlanner, Plan};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -69,15 +70,18 @@ fn check_memory(mesh: &PackedMesh, pose: PoseFormat, instances: u32, slots: u32)
 impl CpuCrowd {
     crowd_methods!();
 
-    /// A crowd of `instances` instances, all weights 0. `threads`: 0 uses one per core; without the feature `threads`
-    /// the calling thread does all work.
+    /// A crowd with all weights 0. Of the description only instances and updates matter: the rest is for devices.
+    /// `threads`: 0 uses one per core; without the feature `threads` the calling thread does all work.
     ///
     /// # Errors
-    /// Errors of [`UpdateDesc::check`]; a path other than [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads
-    /// that cannot be started; not enough memory for the poses. Dense formats: an error budget, or fixed-point poses.
-    /// Block formats: fixed-point poses that could overflow.
-    pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: u32, threads: usize) -> Result<Self> {
+    /// Errors of [`UpdateDesc::check`]; a path other than [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); poses in
+    /// the host's vertices; threads that cannot be started; not enough memory for the poses. Dense formats: an error
+    /// budget, or fixed-point poses. Block formats: fixed-point poses that could overflow.
+    pub fn new(mesh: Arc<PackedMesh>, desc: &CrowdDesc, threads: usize) -> Result<Self> {
+        let CrowdDesc { instances, update: desc, poses, .. } = *desc;
         desc.check_all(mesh.layout(), Runner::Cpu)?;
+        let text = "poses of a CpuCrowd in the host's vertices";
+        ensure!(poses.is_none(), text, "leave CrowdDesc::poses out, and copy them from CpuCrowd::pose");
         let layout = mesh.layout();
         let count = instances as usize;
         check_memory(&mesh, desc.pose, instances, desc.slots)?;

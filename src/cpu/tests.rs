@@ -2,6 +2,7 @@ use super::*;
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::pack::{DeltaFormat, PackDesc};
 use crate::plan::{BatchSize, UpdateMode, UpdatePath};
+use crate::update::crowd::CrowdDesc;
 use crate::{reference, testing};
 use proptest::prelude::*;
 
@@ -54,7 +55,7 @@ proptest! {
         // The largest coordinate of a pose.
         let far = |pose: &[f64]| pose.chunks(6).flat_map(|v| &v[..3]).fold(0.0, |far: f64, x| far.max(x.abs()));
         let base = far(&reference::evaluate(&packed, &[]));
-        let mut crowd = CpuCrowd::new(packed.clone(), desc, 2, threads).unwrap();
+        let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc { instances: 2, ..CrowdDesc::new(desc) }, threads).unwrap();
         let grid = desc.grid(packed.layout()).unwrap();
         let mut before: [Option<Vec<f32>>; 2] = [None, None];
         for frame in 0..12u32 {
@@ -126,7 +127,7 @@ proptest! {
         }
         if grid.is_some() {
             // The integers equal those of a full evaluation, whatever came before.
-            let mut fresh = CpuCrowd::new(packed.clone(), UpdateDesc { error_budget: 0.0, ..desc }, 2, 1).unwrap();
+            let mut fresh = CpuCrowd::new(packed.clone(), &CrowdDesc { instances: 2, ..CrowdDesc::new(UpdateDesc { error_budget: 0.0, ..desc }) }, 1).unwrap();
             for i in 0..2 {
                 fresh.set_weights(i, crowd.weights(i).unwrap()).unwrap();
             }
@@ -154,8 +155,8 @@ proptest! {
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).unwrap());
         let pose = if pose.takes(format) { pose } else { PoseFormat::Float32 };
         let desc = UpdateDesc { slots, pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        let mut crowd = CpuCrowd::new(packed.clone(), desc, instances, threads).unwrap();
-        let mut alone: Vec<_> = (0..instances).map(|_| CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap()).collect();
+        let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc { instances, ..CrowdDesc::new(desc) }, threads).unwrap();
+        let mut alone: Vec<_> = (0..instances).map(|_| CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 1).unwrap()).collect();
         for frame in 0..5u32 {
             for (instance, alone) in (0..).zip(&mut alone) {
                 let weight = |t: u32| {
@@ -183,7 +184,8 @@ proptest! {
 fn misuse_is_an_error_that_says_what_to_do() {
     let mesh = testing::mesh(100, 3);
     let packed = |format| Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap());
-    let crowd = |format, desc, instances| CpuCrowd::new(packed(format), desc, instances, 1);
+    let crowd =
+        |format, desc, instances| CpuCrowd::new(packed(format), &CrowdDesc { instances, ..CrowdDesc::new(desc) }, 1);
     let make = |format, desc| crowd(format, desc, 1).map(drop);
     let cpu = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
     let exact = UpdateDesc { pose: PoseFormat::Fixed32, ..cpu };
@@ -224,7 +226,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
 fn a_head_that_is_added_has_the_crowds_error_budget() {
     let packed = Arc::new(PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(DeltaFormat::Fast)).unwrap());
     let desc = UpdateDesc { path: UpdatePath::Cpu, error_budget: 0.5, ..UpdateDesc::blocks() };
-    let mut crowd = CpuCrowd::new(packed, desc, 1, 1).unwrap();
+    let mut crowd = CpuCrowd::new(packed, &CrowdDesc::new(desc), 1).unwrap();
     crowd.set_error_budget(0, 0.0).unwrap();
     crowd.remove(0).unwrap();
     assert_eq!(crowd.add().unwrap(), 0);

@@ -6,6 +6,7 @@ use crate::cpu::CpuCrowd;
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use crate::reference::{compare_group, evaluate_group, evaluate_unpacked_group};
 use crate::testing;
+use crate::update::crowd::CrowdDesc;
 
 const FIXED: [PoseFormat; 3] = [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16];
 
@@ -136,7 +137,7 @@ fn groups_share_their_weights_and_keep_their_bounds() {
         differing.extend(alone.iter().any(|bits| *bits != alone[0]).then_some(seed));
         let desc = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
         let packed = Arc::new(packed);
-        let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap();
+        let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 1).unwrap();
         let weight = |t: usize| grid.round(((t as u64 * 7919 + seed * 104_729) % 2001) as f32 / 1000.0 - 1.0);
         let weights: Vec<f32> = (0..mesh.targets.len()).map(weight).collect();
         crowd.set_weights(0, &weights).unwrap();

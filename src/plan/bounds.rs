@@ -163,6 +163,7 @@ mod tests {
     use crate::plan::{BatchSize, UpdatePath};
     use crate::reference::evaluate;
     use crate::testing::head;
+    use crate::update::crowd::CrowdDesc;
     use deltamorph_head::{HeadDesc, Rng};
     use std::sync::Arc;
 
@@ -222,7 +223,7 @@ mod tests {
         for pose in [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16] {
             let update = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
             let bounds = WeightBounds::new(&packed, &update).expect("a grid");
-            let mut crowd = CpuCrowd::new(packed.clone(), update, 1, 1).expect("a crowd");
+            let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc::new(update), 1).expect("a crowd");
             for _ in 0..50 {
                 let weights: [f32; 6] = std::array::from_fn(|_| rng.range(-1.0, 1.0));
                 crowd.set_weights(0, &weights).expect("weights");

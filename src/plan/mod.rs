@@ -15,7 +15,7 @@ pub mod schedule;
 pub mod steps;
 
 pub use desc::{BatchSize, UpdateDesc, UpdateMode};
-pub use paths::UpdatePath;
+pub use paths::{Batch, Needs, PathRow, UpdatePath};
 pub use steps::{Consumers, Source};
 
 #[cfg(test)]

@@ -1,14 +1,15 @@
-//! The list of update paths.
+//! The update paths of the library, and what is known of paths from outside.
 
 use crate::pack::{DeltaFormat, PoseFormat};
 
 /// Device requirements of a path.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Needs {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Needs {
     /// None beyond core Vulkan, or no device at all.
     Nothing,
     /// Workgroups of the kernels' size.
     Workgroups,
+    /// VK_EXT_transform_feedback.
     TransformFeedback,
     /// The feature `vertexPipelineStoresAndAtomics`.
     VertexStores,
@@ -17,8 +18,8 @@ pub(crate) enum Needs {
 }
 
 /// Limit on the targets of a pass.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Batch {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Batch {
     /// None.
     Any,
     /// As many as push constants hold; unlimited if all go in one pass.
@@ -27,14 +28,20 @@ pub(crate) enum Batch {
     Attributes,
 }
 
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PathRow {
-    baseline: bool,
-    name: &'static str,
-    summary: &'static str,
-    formats: &'static [DeltaFormat],
-    poses: &'static [PoseFormat],
+/// What the library has to know of an update path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PathRow {
+    /// The name used on the command line and in reports.
+    pub name: &'static str,
+    /// One-line description.
+    pub summary: &'static str,
+    /// The delta formats it supports.
+    pub formats: &'static [DeltaFormat],
+    /// The pose formats it supports.
+    pub poses: &'static [PoseFormat],
+    /// Requirements of the device.
     pub needs: Needs,
+    /// Limit on the targets of a pass.
     pub batch: Batch,
     /// Sums integers and converts them to float32 poses in a last pass; no error budget.
     pub sums_integers: bool,
@@ -44,16 +51,16 @@ pub(crate) struct PathRow {
     pub has_own_upload: bool,
     /// Evaluates each pose from base: [`UpdateMode::Incremental`](super::UpdateMode) is not supported.
     pub rebuilds_only: bool,
-    evaluates_in_draws: bool,
+    /// Every draw evaluates the pose, without pose buffers.
+    pub evaluates_in_draws: bool,
 }
 
 impl PathRow {
-    /// Defaults: compute passes over dense deltas.
-    const fn ours(name: &'static str, summary: &'static str) -> Self {
+    /// Compute passes over dense deltas.
+    pub const fn new(name: &'static str, summary: &'static str) -> Self {
         Self {
-            baseline: false,
             name,
-            summary: summary.trim_ascii(),
+            summary,
             formats: &DeltaFormat::DENSE,
             poses: &[PoseFormat::Float32],
             needs: Needs::Workgroups,
@@ -65,105 +72,73 @@ impl PathRow {
             evaluates_in_draws: false,
         }
     }
-
-    const fn host(name: &'static str, summary: &'static str) -> Self {
-        Self { needs: Needs::Nothing, ..Self::ours(name, summary) }
-    }
-
-    const fn baselines(name: &'static str, summary: &'static str) -> Self {
-        Self { baseline: true, ..Self::ours(name, summary) }
-    }
 }
 
-macro_rules! update_paths {
-    ($($section:ident { $(
-        #[doc = $summary:literal] $(#[doc = $more:literal])*
-        $path:ident $name:literal { $($fields:tt)* };
-    )* })*) => {
-        /// How poses are updated: the technique and where it runs.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[non_exhaustive]
-        pub enum UpdatePath {
-            $($(#[doc = $summary] $(#[doc = $more])* $path,)*)*
-        }
-
-        /// Indexed by path.
-        const ROWS: &[PathRow] =
-            &[$($(PathRow { $($fields)*, ..PathRow::$section($name, $summary) }),*),*];
-
-        impl UpdatePath {
-            /// Every path.
-            pub const ALL: [Self; ROWS.len()] = [$($(Self::$path),*),*];
-        }
-    };
-}
-
-// `ours`: the library's own techniques. `host`: no device. `baselines`: published techniques to compare with, linked
-// only with the feature `baselines`. The first doc line of an item is its summary in the command line's help; then come
-// its name and the `PathRow` fields that differ from its section's defaults. `update::technique` constructs the
-// technique.
-update_paths! {
-    ours {
-        /// Vertex passes with transform feedback
-        ///
-        /// Uses rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes, so passes alternate
-        /// between two slots.
-        Feedback "feedback" { needs: Needs::TransformFeedback, batch: Batch::Attributes };
-        /// Compute passes
-        ///
-        /// The first pass reads the current slot and writes the next; the others run in place.
-        Compute "compute" { batch: Batch::PushConstants };
-        /// Compute, only for the blocks of vertices that changed targets affect
-        ///
-        /// One workgroup per block. Takes block formats. The default choice on a GPU.
-        Blocks "blocks" { formats: &DeltaFormat::BLOCKS, poses: &PoseFormat::ALL };
-    }
-    host {
-        /// SIMD and threads, without Vulkan
-        ///
-        /// Takes every delta format; fixed-point poses with block formats only.
-        Cpu "cpu" { formats: &DeltaFormat::ALL, poses: &PoseFormat::ALL };
-    }
-    baselines {
-        /// Baseline: like feedback, but the vertex shader stores the pose
-        VertexStore "vertex-store" { needs: Needs::VertexStores, batch: Batch::Attributes };
-        /// Baseline: one thread per delta, integer atomics, always from the base pose (O3DE, Unity)
-        ///
-        /// A last pass converts the sums to poses.
-        Scatter "scatter" {
-            formats: &[DeltaFormat::Small], has_own_upload: true, sums_integers: true,
-            rebuilds_only: true, takes_groups: false
-        };
-        /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
-        ///
-        /// No update is recorded: the vertex shader reads deltas from a storage buffer.
-        Direct "direct" {
-            needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false
-        };
-        /// Baseline: like direct, with the active targets as vertex attributes (Gerdelan)
-        DirectAttributes "direct-attributes" {
-            needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false,
-            batch: Batch::Attributes
-        };
-        /// Baseline: deltas in textures, blended into displacement textures that draws fetch (Galanakis)
-        ///
-        /// A target is a few rectangles of float32 or 16-bit integer texels. Each is blended, scaled by the weight or
-        /// delta weight, into float32 displacement textures, which draws fetch.
-        Texture "texture" {
-            needs: Needs::FloatBlending, has_own_upload: true, evaluates_in_draws: true
-        };
-    }
+/// How poses are updated: the technique and where it runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum UpdatePath {
+    /// Vertex passes with transform feedback and rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer
+    /// it writes, so passes alternate between two slots.
+    Feedback,
+    /// Compute passes. The first pass reads the current slot and writes the next; the others run in place.
+    Compute,
+    /// Compute, only for the blocks of vertices that changed targets affect: one workgroup per block. Takes block
+    /// formats. The default choice on a GPU.
+    Blocks,
+    /// SIMD and threads, without Vulkan ([`CpuCrowd`](crate::CpuCrowd)). Takes every delta format; fixed-point poses
+    /// with block formats only.
+    Cpu,
+    /// A technique from outside the library, such as a published one to compare with.
+    #[doc(hidden)]
+    Baseline(&'static PathRow),
 }
 
 impl UpdatePath {
+    /// Every path of the library.
+    pub const ALL: [Self; 4] = [Self::Feedback, Self::Compute, Self::Blocks, Self::Cpu];
+
     pub(crate) const fn row(self) -> &'static PathRow {
-        &ROWS[self as usize]
+        match self {
+            Self::Feedback => {
+                const {
+                    &PathRow {
+                        needs: Needs::TransformFeedback,
+                        batch: Batch::Attributes,
+                        ..PathRow::new("feedback", "Vertex passes with transform feedback")
+                    }
+                }
+            }
+            Self::Compute => {
+                const { &PathRow { batch: Batch::PushConstants, ..PathRow::new("compute", "Compute passes") } }
+            }
+            Self::Blocks => {
+                const {
+                    &PathRow {
+                        formats: &DeltaFormat::BLOCKS,
+                        poses: &PoseFormat::ALL,
+                        ..PathRow::new("blocks", "Compute, only for the blocks of vertices that changed targets affect")
+                    }
+                }
+            }
+            Self::Cpu => {
+                const {
+                    &PathRow {
+                        formats: &DeltaFormat::ALL,
+                        poses: &PoseFormat::ALL,
+                        needs: Needs::Nothing,
+                        ..PathRow::new("cpu", "SIMD and threads, without Vulkan")
+                    }
+                }
+            }
+            Self::Baseline(row) => row,
+        }
     }
 
-    /// Whether it is a published technique, included for comparison. `bench` runs baselines only when named.
+    /// Whether it is a technique from outside the library. `bench` runs these only when named.
     #[doc(hidden)]
     pub const fn is_baseline(self) -> bool {
-        self.row().baseline
+        matches!(self, Self::Baseline(_))
     }
 
     /// The name used on the command line and in reports.

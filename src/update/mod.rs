@@ -23,17 +23,14 @@ use technique::{Context, Technique, Techniques};
 /// # Errors
 /// No memory; sizes beyond device limits; a mesh uploaded for another path; path `cpu`, which has no device; a baseline
 /// without `others`.
-#[allow(clippy::wildcard_enum_match_arm, reason = "baselines have their own table, and tests try every path")]
 pub(crate) fn technique(context: Context<'_>, others: Option<&Techniques>) -> Result<Box<dyn Technique>> {
     let path = context.desc.update.path;
-    if path.is_baseline() {
-        return (Techniques::of(others, path, context.caps())?.make)(context);
-    }
     Ok(match path {
         UpdatePath::Feedback => Box::new(dense::FeedbackTechnique::new(context)?),
         UpdatePath::Compute => Box::new(dense::ComputeTechnique::new(context)?),
         UpdatePath::Blocks => Box::new(blocks::BlocksTechnique::new(context)?),
-        _ => return refuse(format!("update path '{}' on a device", path.name()), "use CpuCrowd for it"),
+        UpdatePath::Cpu => return refuse("update path 'cpu' on a device", "use CpuCrowd for it"),
+        UpdatePath::Baseline(_) => (Techniques::of(others, path, context.caps())?.make)(context)?,
     })
 }
 

@@ -95,7 +95,7 @@ pub trait PoseDraws {
 pub type UploadFor =
     unsafe fn(&Arc<Device>, vk::CommandBuffer, &PackedMesh, UpdatePath) -> Result<(Vec<MeshBuffers>, Vec<Upload>)>;
 
-/// Techniques implemented outside the library, for paths that it only names.
+/// Techniques implemented outside the library, of the paths [`UpdatePath::Baseline`].
 pub struct Techniques {
     /// Creates the technique of a checked description.
     pub make: fn(Context<'_>) -> Result<Box<dyn Technique>>,

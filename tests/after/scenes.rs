@@ -30,7 +30,7 @@ impl Posed {
         let mut mesh = drawn.source.kept(Tolerance::ZERO)?;
         mesh.recentre();
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Float32))?);
-        let crowd = CpuCrowd::new(packed, UpdateDesc::new(UpdatePath::Cpu, BatchSize::All), 1, 1)?;
+        let crowd = CpuCrowd::new(packed, &CrowdDesc::new(UpdateDesc::new(UpdatePath::Cpu, BatchSize::All)), 1)?;
         Ok(Self { mesh, crowd })
     }
 

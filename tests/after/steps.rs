@@ -306,8 +306,12 @@ fn each_writes_the_reference_and_only_what_changed() {
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             // Float32 poses may differ in bits from the twin's: compared with the device's own.
             let integers = update.pose.has_integers();
-            let mut twin =
-                CpuCrowd::new(mesh.clone(), UpdateDesc { path: UpdatePath::Cpu, ..update }, 3, 1).expect("a crowd");
+            let mut twin = CpuCrowd::new(
+                mesh.clone(),
+                &CrowdDesc { instances: 3, ..CrowdDesc::new(UpdateDesc { path: UpdatePath::Cpu, ..update }) },
+                1,
+            )
+            .expect("a crowd");
             let mut rigs =
                 [0, 1].map(|which| (which * 2, Rig::new(kind, which as usize, headless, &host, (&source, &mesh))));
             let mut fewer = 0;

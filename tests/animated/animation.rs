@@ -129,7 +129,8 @@ fn groups_of_very_different_ranges_are_animated_alike() {
                 let mut planned = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
                 planned.step(&[&weights]).expect("a step");
                 let mut on_cpu =
-                    CpuCrowd::new(mesh.clone(), UpdateDesc { path: UpdatePath::Cpu, ..update }, 1, 1).expect("a crowd");
+                    CpuCrowd::new(mesh.clone(), &CrowdDesc::new(UpdateDesc { path: UpdatePath::Cpu, ..update }), 1)
+                        .expect("a crowd");
                 on_cpu.set_weights(0, &weights).expect("weights");
                 on_cpu.update();
                 for group in 0..mesh.groups().len() {

@@ -179,7 +179,7 @@ unsafe fn follow(
 /// the device was not created with.
 fn updates(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     let mut updates = vec![];
-    for path in UpdatePath::ALL {
+    for path in deltamorph_baselines::PATHS {
         let takes = path.formats().contains(&format) && !path.evaluates_in_draws() && path != UpdatePath::Cpu;
         if !takes || engine.caps().check_path(path).is_err() {
             continue;

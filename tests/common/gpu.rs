@@ -202,7 +202,7 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
         descs.extend(fixed());
         return descs;
     }
-    for path in [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::VertexStore] {
+    for path in [UpdatePath::Feedback, UpdatePath::Compute, deltamorph_baselines::VERTEX_STORE] {
         if engine.caps().check_path(path).is_err() {
             continue;
         }

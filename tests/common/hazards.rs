@@ -101,9 +101,9 @@ pub fn accesses(crowd: &Crowd, works: &[Work]) -> Vec<Accesses> {
         let of = |works: &[Work]| blocks(works[0].group, works.iter().flat_map(|work| technique.items_of(work)));
         return works.chunk_by(|a, b| a.group == b.group).map(of).collect();
     }
-    let of = match path {
-        UpdatePath::Scatter => scatter,
-        UpdatePath::Texture => texture,
+    let of = match path.name() {
+        "scatter" => scatter,
+        "texture" => texture,
         _ => return works.iter().map(|work| dense(path, work)).collect(),
     };
     works.iter().map(of).collect()
@@ -111,13 +111,9 @@ pub fn accesses(crowd: &Crowd, works: &[Work]) -> Vec<Accesses> {
 
 /// Dense passes.
 pub fn dense(path: UpdatePath, work: &Work) -> Accesses {
-    let (read, write) = match path {
-        UpdatePath::Feedback => {
-            ((Stage::VertexInput, Access::AttributeRead), (Stage::TransformFeedback, Access::FeedbackWrite))
-        }
-        UpdatePath::VertexStore => {
-            ((Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderWrite))
-        }
+    let (read, write) = match path.name() {
+        "feedback" => ((Stage::VertexInput, Access::AttributeRead), (Stage::TransformFeedback, Access::FeedbackWrite)),
+        "vertex-store" => ((Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderWrite)),
         _ => ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite)),
     };
     let instance = work.instance;

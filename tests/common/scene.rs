@@ -86,7 +86,7 @@ impl<'a> Scene<'a> {
             heads: Playbacks::new(desc.instances),
             clips: Clips::new(animation, mesh.layout(), grid(mesh, &desc.update)).expect("clips"),
             reference: AnimatedReference::new(desc.update, mesh.layout(), desc.instances).expect("a reference"),
-            fresh: CpuCrowd::new(mesh.clone(), rebuilt, 1, 1).expect("a crowd"),
+            fresh: CpuCrowd::new(mesh.clone(), &CrowdDesc::new(rebuilt), 1).expect("a crowd"),
             hidden: vec![false; desc.instances as usize],
             mesh: mesh.clone(),
             desc,

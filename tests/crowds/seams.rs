@@ -77,7 +77,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
             let tolerance = if error_budget > 0.0 { 1e-4 } else { 1e-5 };
             let desc = UpdateDesc { pose, tolerance, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
             let desc = UpdateDesc { error_budget, weight_max: Some(2.0), ..desc };
-            let Ok(mut crowd) = CpuCrowd::new(packed.clone(), desc, 1, 1) else {
+            let Ok(mut crowd) = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 1) else {
                 // Dense formats have no budgets, float32 deltas no fixed-point poses, dense ones none that are rounded
                 // once.
                 let dense = what.1.is_none() && error_budget > 0.0;

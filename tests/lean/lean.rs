@@ -3,8 +3,8 @@
 
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, Crowd, DeltaFormat, GpuMesh, KeptMesh, MorphEngine, PackDesc, PackedMesh, Tolerance,
-    UpdateDesc, UpdatePath,
+    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, KeptMesh, MorphEngine, PackDesc, PackedMesh,
+    Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head};
 use std::sync::Arc;
@@ -30,7 +30,7 @@ fn a_mesh_is_packed_and_played_on_the_cpu() {
     for format in DeltaFormat::ALL {
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs"));
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).expect("a crowd");
+        let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 1).expect("a crowd");
         let weights = [0.0, 0.5, 1.0, -0.25, 0.0, 0.75, 0.125];
         crowd.set_weights(0, &weights).expect("weights that fit");
         assert_eq!(crowd.update().coefficients, 5);

@@ -48,7 +48,7 @@ fn packed(format: DeltaFormat) -> Arc<PackedMesh> {
 /// Makes a crowd for full evaluations on the CPU, one at a time.
 fn evaluations(mesh: &Arc<PackedMesh>, update: UpdateDesc) -> CpuCrowd {
     let update = UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, slots: 1, ..update };
-    CpuCrowd::new(mesh.clone(), update, 1, 1).expect("a crowd")
+    CpuCrowd::new(mesh.clone(), &CrowdDesc::new(update), 1).expect("a crowd")
 }
 
 fn stored<'a>(fresh: &'a mut CpuCrowd, weights: &[f32]) -> &'a [u8] {

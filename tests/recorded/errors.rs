@@ -63,7 +63,8 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
 
     for format in [DeltaFormat::Float32, DeltaFormat::Fast] {
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let mut crowd = CpuCrowd::new(Arc::new(packed(format)), desc, 2, 1).expect("a crowd");
+        let mut crowd = CpuCrowd::new(Arc::new(packed(format)), &CrowdDesc { instances: 2, ..CrowdDesc::new(desc) }, 1)
+            .expect("a crowd");
         says(crowd.add(), "all in use");
         says(crowd.set_hidden(2, true), "instance 2 of a crowd of 2");
         says(crowd.remove(2), "instance 2 of a crowd of 2");
@@ -219,7 +220,7 @@ fn what_exceeds_the_device_is_refused_with_the_numbers() {
 #[test]
 fn a_direct_path_has_no_poses_for_what_comes_after() {
     gpu::on_every_device(|headless, engine| {
-        let update = UpdateDesc::new(UpdatePath::Direct, BatchSize::All);
+        let update = UpdateDesc::new(deltamorph_baselines::DIRECT, BatchSize::All);
         if engine.caps().check_path(update.path).is_err() {
             return;
         }

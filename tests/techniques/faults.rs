@@ -1,6 +1,6 @@
 //! Planted faults, each of which the harness has to detect.
 
-use super::table::{ROWS, for_every_update, variants};
+use super::table::{ROWS, Row, for_every_update, variants};
 use crate::gpu::{hazards, packed, weights};
 use crate::prelude::*;
 use deltamorph::DeltaFormat::{Fast, Float32, Small};
@@ -8,7 +8,7 @@ use deltamorph::DeltaFormat::{Fast, Float32, Small};
 #[test]
 fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
     for_every_update(&[Float32, Fast, Small], &testing::mesh(500, 20), |headless, mesh, desc| {
-        let row = &ROWS[desc.path as usize];
+        let row = Row::of(desc.path);
         // Modes and slots of baselines, too; those of the library are in src/update/tests.rs.
         let descs: Vec<_> = if desc.path.is_baseline() { variants(desc).collect() } else { vec![desc] };
         for desc in descs.into_iter().filter(|_| row.records) {
@@ -27,7 +27,8 @@ fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
                 // With two slots and one pass each, the barrier before is covered by that of the previous frame unless
                 // the previous pose is drawn too; that case is in src/plan/tests.rs. Sums and textures are always in
                 // use.
-                let is_covered = at == 0 && !matches!(desc.path, UpdatePath::Scatter | UpdatePath::Texture);
+                let is_covered =
+                    at == 0 && !matches!(desc.path, deltamorph_baselines::SCATTER | deltamorph_baselines::TEXTURE);
                 if is_covered || !matches!(lists[3].0[at], Event::Barrier(_)) {
                     continue;
                 }

@@ -52,7 +52,7 @@ fn half_floats_are_kept_as_such_and_give_the_same_poses() {
     });
     on_every_device(|headless, engine| {
         let [half, wide] = [&half, &wide].map(|mesh| packed(engine, mesh, DeltaFormat::Float32));
-        let desc = UpdateDesc::new(UpdatePath::Texture, BatchSize::All);
+        let desc = UpdateDesc::new(deltamorph_baselines::TEXTURE, BatchSize::All);
         if engine.caps().check_path(desc.path).is_err() || !can_read(headless, &desc) {
             return;
         }

@@ -99,10 +99,10 @@ fn more_workgroups_than_a_dispatch_has() {
 fn scattered_sums_are_those_of_fixed32_poses() {
     on_every_device(|headless, engine| {
         let mesh = Arc::new(packed(engine, &testing::mesh(700, 23), Small));
-        let update = UpdateDesc::new(UpdatePath::Scatter, BatchSize::All);
+        let update = UpdateDesc::new(deltamorph_baselines::SCATTER, BatchSize::All);
         let mut crowd = gpu::crowd(headless, &mesh, update);
         let exact = UpdateDesc { pose: PoseFormat::Fixed32, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        let mut reference = CpuCrowd::new(mesh.clone(), exact, 1, 1).expect("a crowd");
+        let mut reference = CpuCrowd::new(mesh.clone(), &CrowdDesc::new(exact), 1).expect("a crowd");
         let grid = exact.grid(mesh.layout()).expect("a grid").expect("integers");
         let base = PoseFormat::Fixed32.integers(reference.stored_pose(0, 0).expect("an instance"));
         let mut reach = vec![0.0f64; mesh.layout().vertex_count * 6];
@@ -145,12 +145,16 @@ fn bytes_are_those_that_kernels_load_and_store() {
             }
             let (moved, floor) = match desc.path {
                 // Each pass: a pose read, a pose written, and its deltas.
-                UpdatePath::VertexStore => (vertices * (48 * passes + 3 * stride), vertices * (48 + 3 * stride)),
+                deltamorph_baselines::VERTEX_STORE => {
+                    (vertices * (48 * passes + 3 * stride), vertices * (48 + 3 * stride))
+                }
                 // Clear, six atomics per record, resolve.
-                UpdatePath::Scatter => (vertices * (24 + 72) + deltas * (16 + 48), vertices * 48 + deltas * 16),
+                deltamorph_baselines::SCATTER => {
+                    (vertices * (24 + 72) + deltas * (16 + 48), vertices * 48 + deltas * 16)
+                }
                 // Deltas, and displacements blended; rectangles also have texels that the target does not move, and all
                 // texels are cleared, of which there are at least as many as vertices. Draws are not counted.
-                UpdatePath::Texture => {
+                deltamorph_baselines::TEXTURE => {
                     let (delta, texels) = (if stride == 12 { 16 } else { 32 }, deltas..=deltas + vertices);
                     let of = |texels: u64| texels * (delta + 64);
                     let moved = of(*texels.start()) + 32..=of(*texels.end()) + 32 * (2 * vertices + 2);
@@ -171,7 +175,7 @@ fn bytes_are_those_that_kernels_load_and_store() {
                     continue;
                 }
                 // One draw, which reads targets up to the last active one.
-                UpdatePath::Direct => (vertices * (24 + 3 * stride) + 5 * 8, vertices * (24 + 3 * stride)),
+                deltamorph_baselines::DIRECT => (vertices * (24 + 3 * stride) + 5 * 8, vertices * (24 + 3 * stride)),
                 _ => (vertices * (24 + 3 * stride), vertices * (24 + 3 * stride)),
             };
             assert_eq!((stats.bytes_moved, stats.bytes_floor), (moved, floor), "{desc:?}");
@@ -209,7 +213,8 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
     on_every_device(|headless, engine| {
         let mesh = Arc::new(packed(engine, &testing::mesh(400, 9), Fast));
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let mut crowd = CpuCrowd::new(mesh.clone(), desc, 2, 1).expect("a crowd");
+        let mut crowd =
+            CpuCrowd::new(mesh.clone(), &CrowdDesc { instances: 2, ..CrowdDesc::new(desc) }, 1).expect("a crowd");
         let mut upload = PoseUpload::new(headless, mesh.layout(), 2).expect("buffers");
         for frame in 0..3 {
             for head in 0..2 {

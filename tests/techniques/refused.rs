@@ -112,7 +112,8 @@ fn limits_are_kept_or_refused_with_the_numbers() {
 fn uploads_of_another_technique() {
     gpu::on_device(&gpu::one(), false, |headless, engine| {
         let [scatter, texture, compute] =
-            [UpdatePath::Scatter, UpdatePath::Texture, UpdatePath::Compute].map(|p| UpdateDesc::new(p, BatchSize::All));
+            [deltamorph_baselines::SCATTER, deltamorph_baselines::TEXTURE, UpdatePath::Compute]
+                .map(|p| UpdateDesc::new(p, BatchSize::All));
         for (format, uploaded, wanted) in
             [(Small, scatter, UpdateDesc::blocks()), (Float32, texture, compute), (Float32, compute, texture)]
         {

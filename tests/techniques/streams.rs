@@ -1,7 +1,7 @@
 //! Streams besides positions and normals: tangents, texture coordinates and colours with every technique, on real
 //! drivers and on the CPU, against the float64 reference.
 
-use super::table::{ROWS, can_read, for_every_update, keep_supported, variants};
+use super::table::{Row, can_read, for_every_update, keep_supported, variants};
 use crate::gpu::{POSITION, weights};
 use crate::prelude::*;
 use deltamorph::internals::pack::PackedGroup;
@@ -138,7 +138,7 @@ fn every_technique_updates_every_stream_of_a_crowd() {
     let plain = KeptMesh { streams: vec![], ..streams.clone() };
     for (mesh, with_streams) in [(streams, true), (plain, false)] {
         for_every_update(&DeltaFormat::ALL, &mesh, |headless, mesh, desc| {
-            if ROWS[desc.path as usize].streams == with_streams {
+            if Row::of(desc.path).streams == with_streams {
                 variants(desc).filter(|v| v.mode == desc.mode).for_each(|desc| check(headless, mesh, desc, 9));
             }
         });
@@ -200,7 +200,8 @@ fn the_cpu_updates_every_stream() {
     for format in DeltaFormat::ALL {
         let mesh = Arc::new(packed(&PackDesc::new(format)));
         let desc = UpdateDesc { tolerance: 1e-2, path: UpdatePath::Cpu, ..UpdateDesc::blocks() };
-        let mut crowd = CpuCrowd::new(mesh.clone(), desc, HEADS as u32, 2).expect("a crowd");
+        let mut crowd = CpuCrowd::new(mesh.clone(), &CrowdDesc { instances: HEADS as u32, ..CrowdDesc::new(desc) }, 2)
+            .expect("a crowd");
         for frame in 0..12 {
             let asked = [0, 1, 2].map(|head| requested(&mesh, &desc, frame, head));
             (0..).zip(&asked).for_each(|(head, asked)| crowd.set_weights(head, asked).expect("weights"));

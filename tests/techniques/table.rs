@@ -41,8 +41,7 @@ const fn row(path: UpdatePath, batches: Batches) -> Row {
     Row { path, batches, records: true, seen: None, missing: Some(NO_WORKGROUPS), limits: &[], streams: true }
 }
 
-/// A missing or misplaced row does not compile.
-pub const ROWS: [Row; UpdatePath::ALL.len()] = [
+pub static ROWS: [Row; deltamorph_baselines::PATHS.len()] = [
     Row {
         missing: Some((
             |caps| caps.transform_feedback = None,
@@ -78,31 +77,38 @@ pub const ROWS: [Row; UpdatePath::ALL.len()] = [
     Row {
         seen: Some((1, Float32, BatchSize::Targets(4))),
         missing: Some((|caps| caps.vertex_stores = false, &["needs the feature vertexPipelineStoresAndAtomics"])),
-        ..row(UpdatePath::VertexStore, Batches::Spread)
+        ..row(deltamorph_baselines::VERTEX_STORE, Batches::Spread)
     },
     Row {
         // Layers of 1.3.239 do not report it between atomics and the reads of the next dispatch.
         seen: Some((1, Small, BatchSize::All)),
         limits: &[(|caps| caps.max_storage_range = 30_000, &["the records of 'scatter' take", "allows 30000"])],
         streams: false,
-        ..row(UpdatePath::Scatter, Batches::All)
+        ..row(deltamorph_baselines::SCATTER, Batches::All)
     },
-    Row { records: false, missing: None, streams: false, ..row(UpdatePath::Direct, Batches::All) },
-    Row { records: false, missing: None, streams: false, ..row(UpdatePath::DirectAttributes, Batches::Most) },
+    Row { records: false, missing: None, streams: false, ..row(deltamorph_baselines::DIRECT, Batches::All) },
+    Row {
+        records: false,
+        missing: None,
+        streams: false,
+        ..row(deltamorph_baselines::DIRECT_ATTRIBUTES, Batches::Most)
+    },
     Row {
         missing: Some((|caps| caps.float_blending = false, &["needs blending of R32G32B32A32"])),
-        ..row(UpdatePath::Texture, Batches::All)
+        ..row(deltamorph_baselines::TEXTURE, Batches::All)
     },
 ];
-const _: () = {
-    let mut i = 0;
-    while i < ROWS.len() {
-        assert!(ROWS[i].path as usize == UpdatePath::ALL[i] as usize);
-        i += 1;
-    }
-};
+
+#[test]
+fn every_path_has_its_row() {
+    assert!(ROWS.iter().map(|row| row.path).eq(deltamorph_baselines::PATHS));
+}
 
 impl Row {
+    pub fn of(path: UpdatePath) -> &'static Self {
+        ROWS.iter().find(|row| row.path == path).expect("a row for each path")
+    }
+
     /// Returns the updates that a device supports for meshes in `format`.
     pub fn updates(&self, engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
         let (path, caps) = (self.path, engine.caps());
@@ -176,7 +182,7 @@ pub fn history(mesh: &PackedMesh, desc: &UpdateDesc, seed: u32) -> Vec<Vec<f32>>
 
 /// Clears the weights beyond those that the path takes at a time.
 pub fn keep_supported(weights: &mut [f32], desc: &UpdateDesc) {
-    if let (UpdatePath::DirectAttributes, BatchSize::Targets(most)) = (desc.path, desc.batch) {
+    if let (deltamorph_baselines::DIRECT_ATTRIBUTES, BatchSize::Targets(most)) = (desc.path, desc.batch) {
         weights.iter_mut().filter(|w| **w != 0.0).skip(most as usize).for_each(|w| *w = 0.0);
     }
 }

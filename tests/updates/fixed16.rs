@@ -17,7 +17,7 @@ fn errors(pose: PoseFormat, (set, clip, every): (&str, &str, usize)) -> Option<[
     let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs"));
     let desc = on_cpu(pose);
     let grid = desc.grid(packed.layout()).expect("a grid").expect("integers");
-    let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 2).expect("a crowd");
+    let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 2).expect("a crowd");
     let (mut worst, mut share, mut largest_bound, mut angles) = (0.0f64, 0.0f64, 0.0f64, vec![]);
     for weights in frames.into_iter().step_by(every) {
         crowd.set_weights(0, &weights).expect("weights");

@@ -11,7 +11,6 @@ use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
 use deltamorph::internals::gpu::mesh::MeshBuffers;
 use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
 use deltamorph::internals::pack::{DeltaFormat, PoseFormat};
-use deltamorph::internals::plan::UpdatePath;
 use deltamorph::internals::update::technique::{Context, PoseDraws};
 use deltamorph::shader_structure;
 use std::sync::Arc;
@@ -58,7 +57,7 @@ impl TextureDraws {
     /// Makes draws that fetch these displacement textures, one per instance.
     pub(super) fn new(context: Context<'_>, displacements: Vec<vk::ImageView>) -> Result<Self> {
         let (mesh, pose) = (context.mesh, context.poses);
-        let capture = Capture::of(context.device, UpdatePath::Texture).ok();
+        let capture = Capture::of(context.device, crate::TEXTURE).ok();
         let kernel = context.kernels.get(Textured { capture })?;
         let mut bound = vec![words_of(mesh)];
         if capture == Some(Capture::Store) {
@@ -80,7 +79,7 @@ impl PoseDraws for TextureDraws {
 
     unsafe fn capture(&self, cmd: vk::CommandBuffer, instance: u32) -> Result<()> {
         let device = &self.kernel.objects.device;
-        let capture = Capture::of(device, UpdatePath::Texture)?;
+        let capture = Capture::of(device, crate::TEXTURE)?;
         // SAFETY: the caller's obligations.
         unsafe { capture.record(device, cmd, || self.record(cmd, &mut [instance].into_iter(), true)) };
         Ok(())

@@ -77,7 +77,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let batch_max = gpu.and_then(|gpu| gpu.caps().batch_max(path, format));
             let max = batch_max.unwrap_or(0);
             // A draw evaluates all active targets: there are no batch sizes.
-            let direct = path == UpdatePath::DirectAttributes && !sizes_named;
+            let direct = path == deltamorph_baselines::DIRECT_ATTRIBUTES && !sizes_named;
             let (batches, refused) = expand_batches(if direct { &[BatchSpec::Max] } else { wanted.sizes }, path, max);
             // Formats that only blocks support are not reported if all were requested.
             let poses = wanted.poses.iter().filter(|pose| path.poses().contains(pose) && pose.takes(format));

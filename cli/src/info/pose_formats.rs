@@ -6,7 +6,7 @@ use crate::runner::reaching;
 use crate::table::{Column, Table, sig3};
 use crate::verify::{Errors, FAR_OFF, float_rounding, scale};
 use deltamorph::reference::{compare, evaluate_unpacked};
-use deltamorph::{BatchSize, BoundClip, CpuCrowd, KeptMesh, PackedMesh, PoseFormat, UpdateDesc, UpdatePath};
+use deltamorph::{BatchSize, BoundClip, CpuCrowd, CrowdDesc, KeptMesh, PackedMesh, PoseFormat, UpdateDesc, UpdatePath};
 use deltamorph_head::Rng;
 use glam::DVec3;
 use serde::Serialize;
@@ -86,7 +86,7 @@ impl<'a> Sample<'a> {
 
     /// The largest distance of a vertex from where the source has it.
     fn farthest(&self, packed: &Arc<PackedMesh>, desc: UpdateDesc) -> deltamorph::Result<f64> {
-        let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1)?;
+        let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 1)?;
         let mut farthest = 0.0f64;
         for (weights, reference) in &self.poses {
             crowd.set_weights(0, weights)?;

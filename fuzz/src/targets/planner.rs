@@ -5,7 +5,7 @@ use crate::{Memory, Target, bounded, check_error, check_pose};
 use arbitrary::{Result, Unstructured};
 use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::{
-    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, KeptMesh, Mesh, MeshArrays, PackDesc, PackedMesh, PoseFormat,
+    BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, KeptMesh, Mesh, MeshArrays, PackDesc, PackedMesh, PoseFormat,
     TargetArrays, Tolerance, UpdateDesc, UpdateMode, UpdatePath,
 };
 use std::sync::Arc;
@@ -116,7 +116,7 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
         ..UpdateDesc::new(UpdatePath::Cpu, batch)
     };
     let count = u.int_in_range(1..=4u32)?;
-    let new = || CpuCrowd::new(packed.clone(), desc, count, 1);
+    let new = || CpuCrowd::new(packed.clone(), &CrowdDesc { instances: count, ..CrowdDesc::new(desc) }, 1);
     let mut crowd = match new() {
         Ok(crowd) => crowd,
         Err(error) => return refused(error),

@@ -6,7 +6,7 @@
 use deltamorph::glam::Vec3;
 use deltamorph::import::{self, ImportedMesh};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use rayon::prelude::*;
 use std::path::Path;
@@ -167,7 +167,7 @@ fn main() -> Result<()> {
         for format in [PoseFormat::Float32, PoseFormat::Fixed32] {
             let desc = UpdateDesc { pose: format, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
             // Refused where float32 sums of so many targets may drift too far.
-            let Ok(mut crowd) = CpuCrowd::new(packed.clone(), desc, 1, threads) else { continue };
+            let Ok(mut crowd) = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), threads) else { continue };
             let (ms, last) = time(rows.len(), limit, |row| {
                 crowd.set_weights(0, &rows[row]).expect("weights of the clip");
                 crowd.update();

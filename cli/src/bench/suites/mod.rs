@@ -10,7 +10,8 @@ use crate::args::bench::{BenchArgs, SuiteChoice};
 use crate::input;
 use crate::output::{Failure, Output};
 use deltamorph::PoseFormat::{Fixed16, Float32};
-use deltamorph::UpdatePath::{self, Blocks, Compute, Direct};
+use deltamorph::UpdatePath::{Blocks, Compute};
+use deltamorph_baselines::{DIRECT, PATHS};
 use deltamorph_headless::DeviceChoice;
 
 /// Seconds to time a configuration for, by default.
@@ -25,22 +26,22 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     if asked(SuiteChoice::Crowd) {
         let [kept, many] = [scenes::kept(&session)?, scenes::many(&session)?];
         session.suite("crowd", "One head and many");
-        techniques::run(&mut session, kept, &[1, 100], &UpdatePath::ALL, &[Float32])?;
+        techniques::run(&mut session, kept, &[1, 100], &PATHS, &[Float32])?;
         techniques::run(&mut session, many, &[10, 100, 1_000, 10_000], &[Blocks, Compute], &[Fixed16])?;
     }
     if asked(SuiteChoice::Techniques) {
         let made_up = scenes::made_up(&session)?;
         session.suite("techniques", "Every technique, side by side");
-        techniques::run(&mut session, made_up, &[1, 10, 100], &UpdatePath::ALL, &[Float32])?;
+        techniques::run(&mut session, made_up, &[1, 10, 100], &PATHS, &[Float32])?;
     }
     if asked(SuiteChoice::Faces) {
         let faces = scenes::faces(&mut session)?;
         session.suite("faces", "A scene of faces of four rigs");
-        techniques::run(&mut session, faces, &[40], &[Blocks, Compute, Direct], &[Fixed16])?;
+        techniques::run(&mut session, faces, &[40], &[Blocks, Compute, DIRECT], &[Fixed16])?;
     }
     if asked(SuiteChoice::Clips) {
         session.suite("clips", "Every technique on captured clips");
-        techniques::run(&mut session, clips, &[1], &UpdatePath::ALL, &[Float32, Fixed16])?;
+        techniques::run(&mut session, clips, &[1], &PATHS, &[Float32, Fixed16])?;
     }
     Ok(session.report())
 }
