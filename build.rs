@@ -27,8 +27,6 @@ mod kernels;
 #[allow(dead_code, reason = "shaders need the list alone")]
 #[path = "src/abi/numbers.rs"]
 mod numbers;
-#[path = "src/abi/steps.rs"]
-mod steps;
 
 /// A module: a kernel for a pair of formats and a number of targets.
 struct Module {
@@ -216,7 +214,7 @@ fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=glsl");
     println!("cargo::rerun-if-changed=spirv");
-    for file in ["formats", "ids", "kernels", "numbers", "steps"] {
+    for file in ["formats", "ids", "kernels", "numbers"] {
         println!("cargo::rerun-if-changed=src/abi/{file}.rs");
     }
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));

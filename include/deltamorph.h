@@ -703,21 +703,39 @@ typedef struct DmReadback {
     uint64_t bits;
 } DmReadback;
 
-/// Output buffer for an instance's float32 positions, in the order of poses and without padding.
-typedef struct DmDecodeTarget {
-    /// sizeof(DmDecodeTarget).
+/// Joints and weights of a mesh's vertices, on the device. All zero: none.
+typedef struct DmSkin {
+    /// Kind and number.
+    uint64_t bits;
+} DmSkin;
+
+/// Output buffer of an instance's pose as float32, in the order of poses and without padding, and the joints that skin
+/// it.
+typedef struct DmOutputTarget {
+    /// sizeof(DmOutputTarget).
     uint32_t struct_size;
-    /// Bytes from vertex to vertex, a multiple of 4; 0: 12.
+    /// Bytes from vertex to vertex, a multiple of 4; 0: 12, or `normals` and 12.
     uint32_t stride;
     /// The buffer, usable as storage buffer.
     VkBuffer buffer;
     /// Offset of the first vertex's position, a multiple of 4.
     uint64_t offset;
-    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals.
+    /// Second output buffer of the same stride, which keeps the previous output when the next is written; null: none.
+    VkBuffer second_buffer;
+    /// Offset in the second buffer.
+    uint64_t second_offset;
+    /// The buffer of the joints, usable as storage buffer; null without a skin.
+    VkBuffer joints;
+    /// Bytes from the beginning of that buffer that joints may occupy.
+    uint64_t joints_bytes;
+    /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` sets another.
+    uint64_t joints_offset;
+    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals. Skinned normals have unit
+    /// length.
     uint32_t normals;
-    /// Zero.
-    uint32_t reserved;
-} DmDecodeTarget;
+    /// `DM_SKIN_...`, how joints are blended, and so their layout; 0: linear.
+    uint32_t method;
+} DmOutputTarget;
 
 /// The triangles around each vertex of a mesh, on the device: for normals of the morphed surface. All zero: none.
 typedef struct DmSurface {
@@ -754,42 +772,9 @@ typedef struct DmSkinDesc {
     uint32_t reserved;
 } DmSkinDesc;
 
-/// Joints and weights of a mesh's vertices, on the device. All zero: none.
-typedef struct DmSkin {
-    /// Kind and number.
-    uint64_t bits;
-} DmSkin;
-
-/// Output buffer of an instance's skinned pose, in the order of poses and without padding, and the joints to use.
-typedef struct DmSkinTarget {
-    /// sizeof(DmSkinTarget).
-    uint32_t struct_size;
-    /// Bytes from vertex to vertex, a multiple of 4; 0: 12, or `normals` and 12.
-    uint32_t stride;
-    /// The buffer, usable as storage buffer.
-    VkBuffer buffer;
-    /// Offset of the first vertex's position, a multiple of 4.
-    uint64_t offset;
-    /// Second output buffer of the same stride, which keeps the previous skinned pose when the next is written; null:
-    /// none.
-    VkBuffer second_buffer;
-    /// Offset in the second buffer.
-    uint64_t second_offset;
-    /// The buffer of the joints, usable as storage buffer.
-    VkBuffer joints;
-    /// Bytes from the beginning of that buffer that joints may occupy.
-    uint64_t joints_bytes;
-    /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` sets another.
-    uint64_t joints_offset;
-    /// Bytes from a position to its normal, of unit length, a multiple of 4 from 12 on; 0: no normals.
-    uint32_t normals;
-    /// `DM_SKIN_...`, how joints are blended, and so their layout; 0: linear.
-    uint32_t method;
-} DmSkinTarget;
-
-/// Buffer and offset of a skinned pose.
-typedef struct DmSkinnedView {
-    /// sizeof(DmSkinnedView).
+/// Buffer and offset of an output.
+typedef struct DmOutputView {
+    /// sizeof(DmOutputView).
     uint32_t struct_size;
     /// Zero.
     uint32_t reserved;
@@ -797,12 +782,12 @@ typedef struct DmSkinnedView {
     VkBuffer buffer;
     /// Offset of the first position.
     uint64_t offset;
-    /// The buffer with the skinned pose before the last update: the same pose if nothing changed, on the first update
-    /// and after its history was reset. Null: the update overwrote it.
+    /// The buffer with the output before the last update: the same output if nothing changed, on the first update and
+    /// after its history was reset. Null: the update overwrote it.
     VkBuffer previous_buffer;
     /// Offset in that buffer.
     uint64_t previous_offset;
-} DmSkinnedView;
+} DmOutputView;
 
 /// Computes bounds of poses from their weights. All zero: none.
 typedef struct DmWeightBounds {
@@ -1292,18 +1277,25 @@ DmResult dm_readback_pose(struct DmReadback readback, uint32_t at, uint32_t stre
 /// Commands recorded with it have finished, or never run.
 DmResult dm_readback_destroy(struct DmReadback readback);
 
-/// Write the positions of an instance as float32 into a buffer of the host's, from the next recorded update on;
-/// `target` null: stop. What is written is ready for the crowd's consumers.
+/// Write the pose of an instance as float32 into a buffer of the host's, from the next recorded update on, skinned by
+/// `skin` or, if that is the null handle, as it is; `target` null: stop; `skin` is ignored then. If joints moved
+/// (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the vertices that the update changed.
+/// What is written is ready for the crowd's consumers.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset or stride that does not fit. Nothing
-/// changes then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
+/// stride that does not fit, joints without a skin or beyond their buffer. Nothing changes then.
 ///
 /// Safety:
-/// - `target` is null or a structure. Its buffer belongs to the engine's device, is usable as storage buffer and large
-///   enough for all that is written. It lives until the instance has another target, or none, and the updates recorded
-///   before have finished.
+/// - `target` is null or a structure. Its buffers belong to the engine's device, are usable as storage buffers and
+///   large enough for all that is read and written. They live until the instance has another target, or none, and the
+///   updates recorded before have finished.
 /// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
-DmResult dm_crowd_set_decode_target(struct DmCrowd crowd, uint32_t instance, const struct DmDecodeTarget *target);
+/// - Joints are written, and visible to compute shaders, when an update that skins runs. They stay unchanged from the
+///   update that they were set for until others are set, and the updates recorded before have finished.
+DmResult dm_crowd_set_output_target(struct DmCrowd crowd,
+                                    uint32_t instance,
+                                    struct DmSkin skin,
+                                    const struct DmOutputTarget *target);
 
 /// Make a buffer of the triangles around each vertex of a mesh, and record its upload: once for each mesh, whatever the
 /// number of crowds and instances. Vertices that the mesh joins at seams (`DM_MESH_SPLIT`, `DM_MESH_WELD`) get the same
@@ -1333,7 +1325,7 @@ DmResult dm_surface_destroy(struct DmSurface surface);
 /// stride that does not fit. Nothing changes then.
 ///
 /// Safety:
-/// The same conditions as for `dm_crowd_set_decode_target`.
+/// The same conditions as for `dm_crowd_set_output_target`.
 DmResult dm_crowd_set_normals_target(struct DmCrowd crowd,
                                      uint32_t instance,
                                      struct DmSurface surface,
@@ -1364,22 +1356,6 @@ DmResult dm_skin_upload(struct DmEngine engine,
 /// The upload has finished, or will never run. Crowds may be using it.
 DmResult dm_skin_destroy(struct DmSkin skin);
 
-/// Skin an instance into a buffer of the host's, from the next recorded update on; `target` null: stop; `skin` is
-/// ignored then. If joints moved (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the
-/// vertices that the update changed. What is written is ready for the crowd's consumers.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
-/// stride that does not fit, joints that reach beyond their buffer. Nothing changes then.
-///
-/// Safety:
-/// - The conditions of `dm_crowd_set_decode_target`, for all buffers.
-/// - Joints are written, and visible to compute shaders, when an update that skins runs. They stay unchanged from the
-///   update that they were set for until others are set, and the updates recorded before have finished.
-DmResult dm_crowd_set_skin_target(struct DmCrowd crowd,
-                                  uint32_t instance,
-                                  struct DmSkin skin,
-                                  const struct DmSkinTarget *target);
-
 /// Set the joints of a skinned instance after they moved: from the next recorded update on, those at byte `offset` of
 /// their buffer, a multiple of 16. The offset may stay the same if the host's barriers order its writes; with several
 /// frames in flight and joints that the host writes, use several offsets in turn.
@@ -1388,13 +1364,15 @@ DmResult dm_crowd_set_skin_target(struct DmCrowd crowd,
 /// buffer. Nothing changes then.
 DmResult dm_crowd_set_joints(struct DmCrowd crowd, uint32_t instance, uint64_t offset);
 
-/// Get the buffer and offset of the skinned pose of an instance, valid once the updates recorded so far have run.
+/// Get the buffer and offset of the output of an instance, skinned or not, valid once the updates recorded so far have
+/// run.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or not skinned; those of `dm_crowd_pose`.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, or without an output target; those of
+/// `dm_crowd_pose`.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
-DmResult dm_crowd_skinned(struct DmCrowd crowd, uint32_t instance, struct DmSkinnedView *view);
+DmResult dm_crowd_output(struct DmCrowd crowd, uint32_t instance, struct DmOutputView *view);
 
 /// Make an object that computes bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for
 /// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones. The mesh may be

@@ -1,9 +1,7 @@
 //! Reference evaluation from the base pose in float64, and the error of a pose against it.
 
 #[doc(hidden)]
-pub use crate::after::normals::normals;
-#[doc(hidden)]
-pub use crate::after::skin::skin;
+pub use crate::after::{normals, skin};
 use crate::asset::KeptMesh;
 use crate::asset::streams::{StreamPlace, group_streams};
 #[doc(hidden)]

@@ -297,8 +297,8 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
         lab.each(
             &format!("{name}, {kind}"),
             || {
-                // A new engine, without kernels, for the step that needs no objects of another engine.
-                let own = (name == "set_decode_target").then(|| lab.engine());
+                // A new engine, without kernels, for the pass that needs no objects of another engine.
+                let own = (name == "set_output_target").then(|| lab.engine());
                 let engine = own.as_ref().unwrap_or(engine);
                 let gpu = gpu::upload(lab.headless, engine, mesh);
                 let mut crowd = engine.create_crowd(&gpu, &CrowdDesc::new(update)).expect("a crowd");
@@ -314,14 +314,15 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
         );
     };
     // SAFETY: the buffer is large enough, and dropped after the crowds; nothing is running. So below.
-    set("set_decode_target", &|e, crowd| unsafe { e.set_decode_target(crowd, 0, Some(&DecodeTarget::new(buffer))) });
+    set("set_output_target", &|e, crowd| unsafe { e.set_output_target(crowd, 0, Some(&OutputTarget::new(buffer))) });
     let target = NormalsTarget::new(buffer);
     // SAFETY: as above.
     set("set_normals_target", &|e, crowd| unsafe { e.set_normals_target(crowd, 0, Some((&normals, &target))) });
     let joints = host.shared(48).buffer;
-    let target = SkinTarget::new(buffer, joints, 48);
+    let joints = Some(Joints::new(&skin, joints, 48));
+    let target = OutputTarget { joints, ..OutputTarget::new(buffer) };
     // SAFETY: as above.
-    set("set_skin_target", &|e, crowd| unsafe { e.set_skin_target(crowd, 0, Some((&skin, &target))) });
+    set("set_output_target with joints", &|e, crowd| unsafe { e.set_output_target(crowd, 0, Some(&target)) });
 }
 
 #[test]

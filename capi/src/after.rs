@@ -1,49 +1,77 @@
-//! Post-morph passes, which write into buffers of the host's: decoded positions, normals of the morphed surface.
-//! Skinning is in [`skin`](crate::skin).
+//! Post-morph passes, which write into buffers of the host's: poses as float32, skinned or not, and normals of
+//! the morphed surface. Skins are in [`skin`](crate::skin).
 
-use crate::arguments::{check_reserved, or};
+use crate::arguments::or;
 use crate::attached::{self, Attached, check_buffer};
-use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle, handle};
-use crate::result::{DmResult, Result, enter};
-use crate::structs::{DmDecodeTarget, DmNormalsTarget};
-use deltamorph::after::{DecodeTarget, GpuNormals, NormalsDesc, NormalsTarget};
-use deltamorph::ash::vk;
+use crate::crowd::State;
+use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, DmSurface, Handle, handle};
+use crate::numbers::skin_method;
+use crate::result::{DmResult, Failure, Result, enter};
+use crate::structs::{DmNormalsTarget, DmOutputTarget};
+use deltamorph::after::{GpuNormals, Joints, NormalsDesc, NormalsTarget, OutputTarget};
+use deltamorph::ash::vk::{self, Handle as _};
 
 handle!(DmSurface for Attached<GpuNormals>);
 
-/// Write the positions of an instance as float32 into a buffer of the host's, from the next recorded update on;
-/// `target` null: stop. What is written is ready for the crowd's consumers.
+/// Write the pose of an instance as float32 into a buffer of the host's, from the next recorded update on, skinned by
+/// `skin` or, if that is the null handle, as it is; `target` null: stop; `skin` is ignored then. If joints moved
+/// (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the vertices that the update changed.
+/// What is written is ready for the crowd's consumers.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset or stride that does not fit. Nothing
-/// changes then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
+/// stride that does not fit, joints without a skin or beyond their buffer. Nothing changes then.
 ///
 /// # Safety
-/// - `target` is null or a structure. Its buffer belongs to the engine's device, is usable as storage buffer and large
-///   enough for all that is written. It lives until the instance has another target, or none, and the updates recorded
-///   before have finished.
+/// - `target` is null or a structure. Its buffers belong to the engine's device, are usable as storage buffers and
+///   large enough for all that is read and written. They live until the instance has another target, or none, and the
+///   updates recorded before have finished.
 /// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
+/// - Joints are written, and visible to compute shaders, when an update that skins runs. They stay unchanged from the
+///   update that they were set for until others are set, and the updates recorded before have finished.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_crowd_set_decode_target(
+pub unsafe extern "C" fn dm_crowd_set_output_target(
     crowd: DmCrowd,
     instance: u32,
-    target: *const DmDecodeTarget,
+    skin: DmSkin,
+    target: *const DmOutputTarget,
 ) -> DmResult {
-    enter("dm_crowd_set_decode_target", || {
+    enter("dm_crowd_set_output_target", || {
+        let is_skinned = skin.bits != 0;
+        let make = |asked: &DmOutputTarget| check_output_target(asked, is_skinned).map(|()| *asked);
         // SAFETY: the caller's obligations.
         unsafe {
-            attached::set_target(crowd, target, decode_target, |state, engine, target| {
-                Ok(engine.set_decode_target(&mut state.crowd, instance, target)?)
+            attached::set_target(crowd, target, make, |State { crowd, .. }, engine, asked| match asked {
+                Some(asked) if is_skinned => attached::with(skin, |skin| {
+                    let mut joints = Joints::new(skin, asked.joints, asked.joints_bytes);
+                    (joints.offset, joints.method) = (asked.joints_offset, skin_method(asked.method)?);
+                    let target = OutputTarget { joints: Some(joints), ..output_target(asked) };
+                    Ok(engine.set_output_target(crowd, instance, Some(&target))?)
+                }),
+                asked => {
+                    let target = asked.map(output_target);
+                    Ok(engine.set_output_target(crowd, instance, target.as_ref())?)
+                }
             })
         }
     })
 }
 
-fn decode_target(asked: &DmDecodeTarget) -> Result<DecodeTarget> {
-    check_reserved("DmDecodeTarget", asked.reserved)?;
+fn check_output_target(asked: &DmOutputTarget, is_skinned: bool) -> Result<()> {
     check_buffer(asked.buffer, "buffer")?;
-    let target = DecodeTarget { offset: asked.offset, ..DecodeTarget::new(asked.buffer) };
+    if is_skinned {
+        return check_buffer(asked.joints, "joints");
+    }
+    match asked.joints.is_null() {
+        true => Ok(()),
+        false => Err(Failure::invalid("'joints' is set, but 'skin' is the null handle; hand in both or neither")),
+    }
+}
+
+fn output_target(asked: &DmOutputTarget) -> OutputTarget<'static> {
     let normals = (asked.normals != 0).then_some(asked.normals);
-    Ok(DecodeTarget { stride: or(asked.stride, target.stride), normals, ..target })
+    let second = (!asked.second_buffer.is_null()).then_some((asked.second_buffer, asked.second_offset));
+    let stride = or(asked.stride, asked.normals.saturating_add(12));
+    OutputTarget { offset: asked.offset, stride, normals, second, ..OutputTarget::new(asked.buffer) }
 }
 
 /// Make a buffer of the triangles around each vertex of a mesh, and record its upload: once for each mesh, whatever the
@@ -95,7 +123,7 @@ pub unsafe extern "C" fn dm_surface_destroy(surface: DmSurface) -> DmResult {
 /// stride that does not fit. Nothing changes then.
 ///
 /// # Safety
-/// The same conditions as for `dm_crowd_set_decode_target`.
+/// The same conditions as for `dm_crowd_set_output_target`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_set_normals_target(
     crowd: DmCrowd,
@@ -110,10 +138,11 @@ pub unsafe extern "C" fn dm_crowd_set_normals_target(
         };
         // SAFETY: the caller's obligations.
         unsafe {
-            attached::set_target(crowd, target, make, |state, engine, target| {
-                attached::with_target(surface, target, |target| {
-                    Ok(engine.set_normals_target(&mut state.crowd, instance, target)?)
-                })
+            attached::set_target(crowd, target, make, |State { crowd, .. }, engine, target| match target {
+                Some(target) => attached::with(surface, |surface| {
+                    Ok(engine.set_normals_target(crowd, instance, Some((surface, target)))?)
+                }),
+                None => Ok(engine.set_normals_target(crowd, instance, None)?),
             })
         }
     })

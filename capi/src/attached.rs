@@ -11,7 +11,7 @@ use deltamorph::MorphEngine;
 use deltamorph::ash::vk::{self, Handle as _};
 use std::sync::{Arc, Mutex};
 
-/// Data that a step reads of a mesh beside its poses, on the device: joints and weights, or triangles.
+/// Data that a pass reads of a mesh beside its poses, on the device: joints and weights, or triangles.
 pub struct Attached<T> {
     on_device: Mutex<T>,
     pub(crate) engine: Arc<Engine>,
@@ -40,17 +40,6 @@ pub unsafe fn upload<H: Handle<Object = Attached<T>>, T>(
 pub fn with<H: Handle<Object = Attached<T>>, T, R>(handle: H, body: impl FnOnce(&mut T) -> Result<R>) -> Result<R> {
     let object = handle.get()?;
     body(&mut *lock(&object.on_device)?)
-}
-
-/// Runs `body` with the object of a handle and a target that needs it; without a target the handle is not looked at.
-pub fn with_target<H: Handle<Object = Attached<T>>, T, D, R>(
-    handle: H,
-    target: Option<&D>,
-    body: impl FnOnce(Option<(&T, &D)>) -> Result<R>,
-) -> Result<R> {
-    let object = target.map(|_| handle.get()).transpose()?;
-    let object = object.as_ref().map(|object| lock(&object.on_device)).transpose()?;
-    body(object.as_deref().zip(target))
 }
 
 /// Runs `set` with a crowd that is locked meanwhile, and with `make` of the target; `None` for a null pointer.

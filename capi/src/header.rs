@@ -90,14 +90,13 @@ fn layouts() -> Vec<Layout> {
             struct_size stride buffer offset size format slot units offsets previous_buffer previous_offset
         }
         DmStreamView { struct_size stride buffer offset components format units offsets slot reserved }
-        DmDecodeTarget { struct_size stride buffer offset normals reserved }
         DmNormalsTarget { struct_size stride buffer offset }
         DmSkinDesc { struct_size influences joints weights joint_count reserved }
-        DmSkinTarget {
+        DmOutputTarget {
             struct_size stride buffer offset second_buffer second_offset joints joints_bytes joints_offset normals
             method
         }
-        DmSkinnedView { struct_size reserved buffer offset previous_buffer previous_offset }
+        DmOutputView { struct_size reserved buffer offset previous_buffer previous_offset }
         DmClipInfo { struct_size frame_count column_count fps }
         DmClipArrays { struct_size frame_count column_count fps name names values }
     }

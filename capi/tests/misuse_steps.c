@@ -128,45 +128,45 @@ static void skins(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     WORKS(dm_skin_upload(engine, host->cmd, another, &desc, &different));
     host_submit_and_wait(host);
     WORKS(dm_release_staging(skin.bits));
-    DmSkinTarget target = {.struct_size = sizeof target, .buffer = buffer, .normals = 12, .joints = buffer,
+    DmOutputTarget target = {.struct_size = sizeof target, .buffer = buffer, .normals = 12, .joints = buffer,
                            .joints_bytes = 96}, wrong = target;
-    DmSkinnedView view = {.struct_size = sizeof view};
+    DmOutputView view = {.struct_size = sizeof view};
     INVALID("not skinned", dm_crowd_set_joints(crowd, 0, 0));
-    INVALID("no skinned pose", dm_crowd_skinned(crowd, 0, &view));
-    INVALID("a null pointer to DmSkinnedView", dm_crowd_skinned(crowd, 0, NULL));
-    HANDLE("null handle in place of a skin", dm_crowd_set_skin_target(crowd, 0, (DmSkin){0}, &target));
-    INVALID("upload it with the crowd's engine", dm_crowd_set_skin_target(crowd, 0, foreign, &target));
-    INVALID("a skin of mesh", dm_crowd_set_skin_target(crowd, 0, different, &target));
-    INVALID("instance 7", dm_crowd_set_skin_target(crowd, 7, skin, &target));
+    INVALID("has no output", dm_crowd_output(crowd, 0, &view));
+    INVALID("a null pointer to DmOutputView", dm_crowd_output(crowd, 0, NULL));
+    INVALID("'skin' is the null handle", dm_crowd_set_output_target(crowd, 0, (DmSkin){0}, &target));
+    INVALID("upload it with the crowd's engine", dm_crowd_set_output_target(crowd, 0, foreign, &target));
+    INVALID("a skin of mesh", dm_crowd_set_output_target(crowd, 0, different, &target));
+    INVALID("instance 7", dm_crowd_set_output_target(crowd, 7, skin, &target));
     wrong.joints = VK_NULL_HANDLE;
-    INVALID("'joints' is null", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    INVALID("'joints' is null", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
     wrong = target, wrong.buffer = VK_NULL_HANDLE;
-    INVALID("'buffer' is null", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    INVALID("'buffer' is null", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
     wrong = target, wrong.stride = 20;
-    INVALID("multiples of 4", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    INVALID("multiples of 4", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
     wrong = target, wrong.normals = 0xffffffff;
-    INVALID("multiples of 4", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    INVALID("multiples of 4", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
     wrong = target, wrong.joints_bytes = 95;
-    INVALID("room for all joints", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
+    INVALID("room for all joints", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
     wrong = target, wrong.method = 3;
-    INVALID("method of skinning (DM_SKIN_)", dm_crowd_set_skin_target(crowd, 0, skin, &wrong));
-    WORKS(dm_crowd_set_skin_target(crowd, 0, skin, &target));
+    INVALID("method of skinning (DM_SKIN_)", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
+    WORKS(dm_crowd_set_output_target(crowd, 0, skin, &target));
     INVALID("room for all joints", dm_crowd_set_joints(crowd, 0, 16));
     INVALID("multiple of 16", dm_crowd_set_joints(crowd, 0, 8));
-    WORKS(dm_crowd_set_skin_target(crowd, 0, (DmSkin){0}, NULL));
+    WORKS(dm_crowd_set_output_target(crowd, 0, (DmSkin){0}, NULL));
     INVALID("not skinned", dm_crowd_set_joints(crowd, 0, 0));
     WORKS(dm_skin_destroy(skin));
     WORKS(dm_skin_destroy(foreign));
     WORKS(dm_skin_destroy(different));
-    HANDLE("was destroyed", dm_crowd_set_skin_target(crowd, 0, skin, &target));
+    HANDLE("was destroyed", dm_crowd_set_output_target(crowd, 0, skin, &target));
     free(joints), free(weights);
 }
 
-static void surfaces_and_decoding(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmCrowd crowd,
+static void surfaces_and_outputs(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmCrowd crowd,
                                   VkBuffer buffer) {
     DmSurface surface = {0}, foreign = {0};
     DmNormalsTarget normals = {.struct_size = sizeof normals, .buffer = buffer};
-    DmDecodeTarget decode = {.struct_size = sizeof decode, .buffer = buffer};
+    DmOutputTarget output = {.struct_size = sizeof output, .buffer = buffer};
     INVALID("'cmd' is null", dm_surface_upload(engine, NULL, mesh, &surface));
     host_begin(host);
     INVALID("'surface' is a null pointer", dm_surface_upload(engine, host->cmd, mesh, NULL));
@@ -185,11 +185,8 @@ static void surfaces_and_decoding(const Host *host, DmEngine engine, DmEngine ot
     normals.struct_size = 0;
     INVALID("struct_size of 0", dm_crowd_set_normals_target(crowd, 0, surface, &normals));
     WORKS(dm_crowd_set_normals_target(crowd, 0, (DmSurface){0}, NULL));
-    decode.reserved = 1;
-    INVALID("DmDecodeTarget: 'reserved' is 1", dm_crowd_set_decode_target(crowd, 0, &decode));
-    decode.reserved = 0;
-    INVALID("instance 7", dm_crowd_set_decode_target(crowd, 7, &decode));
-    HANDLE("null handle in place of a crowd", dm_crowd_set_decode_target(no_crowd, 0, &decode));
+    INVALID("instance 7", dm_crowd_set_output_target(crowd, 7, (DmSkin){0}, &output));
+    HANDLE("null handle in place of a crowd", dm_crowd_set_output_target(no_crowd, 0, (DmSkin){0}, &output));
     INVALID("1 DmGpuMesh, 3 DmCrowd, 1 DmSurface; destroy these first", dm_engine_destroy(engine));
     WORKS(dm_surface_destroy(surface));
     WORKS(dm_surface_destroy(foreign));
@@ -205,6 +202,6 @@ static void steps(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     host_vertices(uploaded, buffer);
     readbacks(host, engine, crowd, elsewhere);
     skins(host, engine, other, mesh, another, crowd, buffer);
-    surfaces_and_decoding(host, engine, other, mesh, crowd, buffer);
+    surfaces_and_outputs(host, engine, other, mesh, crowd, buffer);
     vkDestroyBuffer(host->device, buffer, NULL), vkFreeMemory(host->device, memory, NULL);
 }

@@ -252,14 +252,14 @@ int main(int argc, char **argv) {
                             {.struct_size = sizeof *descs, .pose_format = DM_POSE_FIXED32}};
     DmCrowd crowds[2];
     for (int i = 0; i < 2; i++) DM(dm_crowd_create(uploaded[i], &descs[i], &crowds[i]));
-    const DmSkinTarget skin_target = {.struct_size = sizeof skin_target, .buffer = skinned.buffer, .normals = 12,
+    const DmOutputTarget skin_target = {.struct_size = sizeof skin_target, .buffer = skinned.buffer, .normals = 12,
                                       .second_buffer = skinned.buffer, .second_offset = face.vertices * 24,
                                       .joints = joints.buffer, .joints_bytes = FRAMES * 192};
     const DmNormalsTarget normals_target = {.struct_size = sizeof normals_target, .buffer = normals.buffer};
-    const DmDecodeTarget decode_target = {.struct_size = sizeof decode_target, .buffer = decoded.buffer};
-    DM(dm_crowd_set_skin_target(crowds[0], 0, skin, &skin_target));
+    const DmOutputTarget decode_target = {.struct_size = sizeof decode_target, .buffer = decoded.buffer};
+    DM(dm_crowd_set_output_target(crowds[0], 0, skin, &skin_target));
     DM(dm_crowd_set_normals_target(crowds[0], 0, surface, &normals_target));
-    DM(dm_crowd_set_decode_target(crowds[1], 0, &decode_target));
+    DM(dm_crowd_set_output_target(crowds[1], 0, (DmSkin){0}, &decode_target));
 
     DmReadback readback;
     DM(dm_readback_create(engine, &readback));
@@ -295,8 +295,8 @@ int main(int argc, char **argv) {
 
         patch_evaluate(&face, weights, exact);
         DM(dm_mesh_evaluate(meshes[0], weights, TARGETS, reference, (size_t)face.vertices * 6));
-        DmSkinnedView view = {.struct_size = sizeof view};
-        DM(dm_crowd_skinned(crowds[0], 0, &view));
+        DmOutputView view = {.struct_size = sizeof view};
+        DM(dm_crowd_output(crowds[0], 0, &view));
         if (view.buffer != skinned.buffer || (frame > 0 && view.previous_offset == view.offset))
             fail("the skinned pose", "is elsewhere");
         for (uint32_t v = 0; v < face.vertices; v++) {

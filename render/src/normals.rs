@@ -2,7 +2,7 @@
 
 use crate::memory::{Buffer, buffer};
 use crate::scene::{Head, Scale};
-use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget};
+use deltamorph::after::{NormalsDesc, NormalsTarget, OutputTarget};
 use deltamorph::ash::vk::BufferUsageFlags as Usage;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::{Crowd, PackedMesh, Result};
@@ -38,11 +38,11 @@ impl Normals {
         let stride = VERTEX as u32;
         for head in 0..heads {
             let offset = (head * size) as u64;
-            let positions = DecodeTarget { offset, stride, ..DecodeTarget::new(output.raw) };
+            let positions = OutputTarget { offset, stride, ..OutputTarget::new(output.raw) };
             let normals = NormalsTarget { offset: offset + 12, stride, ..NormalsTarget::new(output.raw) };
             // SAFETY: no update is running; the buffer is large enough, and lives as long as the crowd.
             unsafe {
-                engine.set_decode_target(crowd, head as u32, Some(&positions))?;
+                engine.set_output_target(crowd, head as u32, Some(&positions))?;
                 engine.set_normals_target(crowd, head as u32, Some((&surface, &normals)))?;
             }
         }

@@ -5,11 +5,9 @@
 //! includes. The row describes what a pipeline needs (descriptors, push constants, specialization constants);
 //! `tests/project/spirv.rs` compares it with the modules' declarations.
 //!
-//! build.rs includes this file, so it is plain data that depends only on [`formats`](super::formats) and
-//! [`steps`](super::steps).
+//! build.rs includes this file, so it is plain data that depends only on [`formats`](super::formats).
 
 use super::formats::{FormatRow, PoseRow};
-use super::steps::after_steps;
 
 /// Most vertex attributes of a module; two of them are the pose.
 pub const ATTRIBUTES_MAX: u32 = 32;
@@ -155,8 +153,21 @@ const VERTEX: KernelRow = KernelRow {
     baseline: false,
 };
 const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
-/// A post-morph pass.
-const STEP: KernelRow = KernelRow { poses: true, offsets: true, ..COMPUTE };
+/// A post-morph pass that writes poses: those of an instance, pieces, destination.
+const OUTPUT: KernelRow = KernelRow {
+    name: "output",
+    poses: true,
+    bindings: &[(0, WORDS), (1, WORD_LIST), (2, WORDS)],
+    push: "AfterPush",
+    offsets: true,
+    ..COMPUTE
+};
+/// The same, skinned: then influences, joints. Specialization constant: influences per vertex.
+const SKINNED: KernelRow = KernelRow {
+    bindings: &[(0, WORDS), (1, WORD_LIST), (2, WORDS), (3, WORDS), (4, Buffer::Storage(16))],
+    constants: 1,
+    ..OUTPUT
+};
 /// Tables, state, work list, control: see animation.glsl.
 const ANIMATION: KernelRow =
     KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push: "AnimationPush", ..COMPUTE };
@@ -210,105 +221,93 @@ const WORD_TEXELS: Buffer = Buffer::UniformTexels(107);
 const WORD_LIST: Buffer = Buffer::UniformTexels(98);
 const POSE_TEXELS: Buffer = Buffer::StorageTexels(107);
 
-macro_rules! kernels {
-    ({ ours { $($ours:expr,)* } baselines { $($baselines:expr,)* } } $(
-        $(#[doc = $doc:literal])*
-        $kind:ident $module:ident::$step:ident $public:tt $set:tt {
-            $reads:tt => $written:ident, $push:ident $members:tt [$({ $($fields:tt)* }),*]
-        }
-    )*) => {
-        /// Every kernel: of measurements and of the library's own techniques, of post-morph passes, of baselines.
-        pub const KERNELS: &[KernelRow] = &[
-            $($ours,)*
-            $($(KernelRow { push: stringify!($push), $($fields)*, ..STEP },)*)*
-            $($baselines,)*
-        ];
-    };
-}
-after_steps!(kernels {
-    ours {
-        // Measurements.
-        KernelRow { name: "consume", poses: true, ..VERTEX },
-        KernelRow { name: "consume_position", poses: true, ..VERTEX },
-        KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
-        // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that
-        // sample 32 targets; the widest tile.
-        KernelRow { name: "animate", constants: 1, ..ANIMATION },
-        KernelRow { name: "plan", constants: 1, ..ANIMATION },
-        KernelRow {
-            name: "plan_together",
-            bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS)],
-            constants: 1,
-            ..ANIMATION
-        },
-        KernelRow { name: "arguments", constants: 1, ..ANIMATION },
-        // Passes over dense deltas.
-        DENSE,
-        KernelRow {
-            name: "dense_list",
-            bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(12))],
-            push: "DenseListPush",
-            constants: 0,
-            ..DENSE
-        },
-        KernelRow { name: "feedback", ..ATTRIBUTES },
-        // Blocks of several instances at once.
-        CROWD,
-        // The same for software drivers. Poses are bound twice: as pairs of words for stores, as texels for loads.
-        KernelRow {
-            name: "crowd_texels",
-            bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, WORD_TEXELS)],
-            aliased: &[2, 3],
-            constants: 4,
-            offsets: false,
-            ..CROWD
-        },
-    }
-    baselines {
-        // The set of `scatter` and `resolve`: records, sums, base pose, destination.
-        KernelRow {
-            name: "scatter",
-            bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
-            push_bytes: 12,
-            baseline: true,
-            ..COMPUTE
-        },
-        KernelRow {
-            name: "resolve",
-            bindings: &[(1, WORDS), (2, PAIRS), (3, PAIRS)],
-            push_bytes: 12,
-            baseline: true,
-            ..COMPUTE
-        },
-        KernelRow { name: "vertex_store", bindings: &[(0, PAIRS)], baseline: true, ..ATTRIBUTES },
-        KernelRow { name: "direct_attributes", baseline: true, ..ATTRIBUTES },
-        DIRECT,
-        // The same draw with its result captured, in the two ways that devices support.
-        KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..DIRECT },
-        KernelRow {
-            suffix: "store",
-            defines: &["STORE"],
-            bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8)), (2, PAIRS)],
-            ..DIRECT
-        },
-        // Rectangles of texels that a target moves, and its deltas to blend there.
-        KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push_bytes: 20, baseline: true, ..VERTEX },
-        KernelRow {
-            name: "texels",
-            stage: Stage::Fragment,
-            takes: Takes::Dense,
-            bindings: &[(1, Buffer::Image), (2, Buffer::Image)],
-            push_bytes: 20,
-            baseline: true,
-            ..VERTEX
-        },
-        TEXTURED,
-        KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..TEXTURED },
-        KernelRow {
-            suffix: "store",
-            defines: &["STORE"],
-            bindings: &[(0, WORDS), (1, PAIRS), (2, Buffer::Image)],
-            ..TEXTURED
-        },
-    }
-});
+/// Every kernel.
+pub const KERNELS: &[KernelRow] = &[
+    // Measurements.
+    KernelRow { name: "consume", poses: true, ..VERTEX },
+    KernelRow { name: "consume_position", poses: true, ..VERTEX },
+    KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
+    // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that
+    // sample 32 targets; the widest tile.
+    KernelRow { name: "animate", constants: 1, ..ANIMATION },
+    KernelRow { name: "plan", constants: 1, ..ANIMATION },
+    KernelRow {
+        name: "plan_together",
+        bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS)],
+        constants: 1,
+        ..ANIMATION
+    },
+    KernelRow { name: "arguments", constants: 1, ..ANIMATION },
+    // Passes over dense deltas.
+    DENSE,
+    KernelRow {
+        name: "dense_list",
+        bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(12))],
+        push: "DenseListPush",
+        constants: 0,
+        ..DENSE
+    },
+    KernelRow { name: "feedback", ..ATTRIBUTES },
+    // Blocks of several instances at once.
+    CROWD,
+    // The same for software drivers. Poses are bound twice: as pairs of words for stores, as texels for loads.
+    KernelRow {
+        name: "crowd_texels",
+        bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, WORD_TEXELS)],
+        aliased: &[2, 3],
+        constants: 4,
+        offsets: false,
+        ..CROWD
+    },
+    // Post-morph passes.
+    OUTPUT,
+    KernelRow { suffix: "skin", defines: &["SKIN"], ..SKINNED },
+    KernelRow { suffix: "dual", defines: &["SKIN", "DUAL"], ..SKINNED },
+    // Base pose and fans are its fourth buffer.
+    KernelRow { name: "normals", bindings: &[(0, WORDS), (1, WORD_LIST), (2, WORDS), (3, WORDS)], ..OUTPUT },
+    // Baselines. The set of `scatter` and `resolve`: records, sums, base pose, destination.
+    KernelRow {
+        name: "scatter",
+        bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
+        push_bytes: 12,
+        baseline: true,
+        ..COMPUTE
+    },
+    KernelRow {
+        name: "resolve",
+        bindings: &[(1, WORDS), (2, PAIRS), (3, PAIRS)],
+        push_bytes: 12,
+        baseline: true,
+        ..COMPUTE
+    },
+    KernelRow { name: "vertex_store", bindings: &[(0, PAIRS)], baseline: true, ..ATTRIBUTES },
+    KernelRow { name: "direct_attributes", baseline: true, ..ATTRIBUTES },
+    DIRECT,
+    // The same draw with its result captured, in the two ways that devices support.
+    KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..DIRECT },
+    KernelRow {
+        suffix: "store",
+        defines: &["STORE"],
+        bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8)), (2, PAIRS)],
+        ..DIRECT
+    },
+    // Rectangles of texels that a target moves, and its deltas to blend there.
+    KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push_bytes: 20, baseline: true, ..VERTEX },
+    KernelRow {
+        name: "texels",
+        stage: Stage::Fragment,
+        takes: Takes::Dense,
+        bindings: &[(1, Buffer::Image), (2, Buffer::Image)],
+        push_bytes: 20,
+        baseline: true,
+        ..VERTEX
+    },
+    TEXTURED,
+    KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..TEXTURED },
+    KernelRow {
+        suffix: "store",
+        defines: &["STORE"],
+        bindings: &[(0, WORDS), (1, PAIRS), (2, Buffer::Image)],
+        ..TEXTURED
+    },
+];

@@ -1,6 +1,6 @@
 //! Interfaces between host and shaders, each defined once.
 //!
-//! - [`formats`], [`kernels`], [`steps`] and [`numbers`] are plain data that build.rs includes too: it compiles the
+//! - [`formats`], [`kernels`] and [`numbers`] are plain data that build.rs includes too: it compiles the
 //!   modules of the kernel table, and writes the numbers into the shaders' `abi.glsl`.
 //! - [`modules`]: the SPIR-V, whose [`ids`] build.rs has replaced by differences.
 //! - [`push`] and [`worklist`]: push constants and buffer contents, word by word.
@@ -13,5 +13,4 @@ pub mod kernels;
 pub mod modules;
 pub mod numbers;
 pub mod push;
-pub mod steps;
 pub mod worklist;

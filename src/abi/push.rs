@@ -3,7 +3,6 @@
 use super::formats::FormatRow;
 use super::kernels::{KERNELS, KernelRow};
 use super::numbers::DENSE_BATCH_MAX;
-use super::steps::after_steps;
 use crate::asset::streams::TRIPLES;
 
 /// Names and offsets of a structure's members, and its size in bytes.
@@ -30,30 +29,15 @@ macro_rules! shader_structure {
 
 /// Structures of words, with the names and offsets of their members, which tests compare with the shaders.
 macro_rules! structures {
-    (
-        { $($(#[$doc:meta])* pub struct $name:ident $members:tt)* }
-        $(
-            $(#[doc = $step_doc:literal])*
-            $kind:ident $module:ident::$step:ident $public:tt $set:tt {
-                $reads:tt => $written:ident, $push:ident $push_members:tt $rows:tt
-            }
-        )*
-    ) => {
+    ($($(#[$doc:meta])* pub struct $name:ident $members:tt)*) => {
         $(shader_structure! { $(#[$doc])* $name $members })*
-        $(shader_structure! {
-            #[doc = concat!("Push constants of the step `", stringify!($kind), "`; its shader says what each is.")]
-            $push $push_members
-        })*
 
         /// The structures by name.
-        const STRUCTURES: &[(&str, Layout)] = &[
-            $((stringify!($name), $name::LAYOUT),)*
-            $((stringify!($push), $push::LAYOUT),)*
-        ];
+        const STRUCTURES: &[(&str, Layout)] = &[$((stringify!($name), $name::LAYOUT)),*];
     };
 }
 
-after_steps!(structures {
+structures! {
     /// Push constants of `dense.comp`.
     pub struct DensePush {
         /// Vertices of the chunk: the length of a target's row.
@@ -143,7 +127,21 @@ after_steps!(structures {
         /// Items per workgroup.
         workgroup_items: u32,
     }
-});
+
+    /// Push constants of post-morph passes, described in `glsl/after.glsl`.
+    pub struct AfterPush {
+        units: [f32; 4],
+        offset: [f32; 4],
+        pose_at: u32,
+        written_at: u32,
+        stride: u32,
+        normal_at: u32,
+        vertices: u32,
+        count: u32,
+        listed: u32,
+        reads_at: u32,
+    }
+}
 
 impl KernelRow {
     /// Names and offsets of the members of its push constants, and their size in bytes. No members are known of a

@@ -1,35 +1,32 @@
-//! Post-morph passes: they read the poses that an update wrote, and write output buffers of the host, for each
-//! instance that has a target.
+//! Post-morph passes: they read the poses that an update wrote, and write buffers of the application, for each instance
+//! that has a target.
 //!
-//! - [`DecodeTarget`]: a pose as float32, for readers that cannot decode it.
-//! - [`SkinTarget`]: the pose skinned by joints, with linear blending or dual quaternions.
+//! - [`OutputTarget`]: a pose as float32, for readers that cannot decode it; or skinned by joints, with linear blending
+//!   or dual quaternions.
 //! - [`NormalsTarget`]: normals of the morphed surface, instead of morphed ones.
 //!
-//! A pass writes what the update changed, or nothing if nothing changed. Its output is ready for the
-//! [consumers](crate::Consumers) of the crowd, and waits for their reads, like poses.
+//! A pass is recorded with the update, after its own steps. It writes the blocks that the update changed (dense paths
+//! and animated crowds: all of a pose that changed, or may have), or nothing if nothing changed. It writes everything
+//! the first time, after the instance was hidden, and after an update that wrote the target was discarded. Its output
+//! is ready for the [consumers](crate::CrowdDesc::consumers) of the crowd, and waits for their reads, like poses. An
+//! instance has at most one target of each kind; removing the instance removes its targets.
 
 #[allow(unsafe_code)]
 mod attached;
+mod normals;
 mod output;
+#[allow(unsafe_code)]
+mod pass;
 mod pieces;
-#[allow(unsafe_code)]
-mod step;
-#[allow(unsafe_code)]
+mod skin;
 mod steps;
 
-use crate::abi::steps::after_steps;
-pub(crate) use step::TargetContext;
+#[doc(hidden)]
+pub use normals::normals;
+pub use normals::{GpuNormals, NormalsDesc, NormalsTarget};
+pub use output::{Joints, OutputTarget, OutputView};
+pub(crate) use pass::TargetContext;
+#[doc(hidden)]
+pub use skin::skin;
+pub use skin::{GpuSkin, SkinDesc, SkinMethod};
 pub(crate) use steps::After;
-
-macro_rules! declared {
-    (() $(
-        $(#[doc = $doc:literal])*
-        $kind:ident $module:ident::$step:ident [$($public:ident),*] $set:tt $dispatch:tt
-    )*) => {
-        $(
-            pub(crate) mod $module;
-            pub use $module::{$($public),*};
-        )*
-    };
-}
-after_steps!(declared());

@@ -1,24 +1,24 @@
-//! A crowd's targets of post-morph passes, and the planning of the steps.
+//! A crowd's targets of post-morph passes, and the planning of the passes.
 
+use super::normals::{GpuNormals, NormalsTarget};
+use super::output::{Output, OutputTarget, OutputView};
+use super::pass::{Job, Pass, Reads, TargetContext};
 use super::pieces::Pieces;
-use super::step::{AfterStep, Job, TargetContext};
 use crate::abi::numbers::PIECE;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::memory::Ring;
 use crate::plan::earlier::Earlier;
 use crate::plan::instances::{Instances, OutputChange};
-use crate::plan::steps::PostMorphPass;
-use crate::plan::steps::{Owner, Resource, Source, Steps, Use, Work};
+use crate::plan::steps::{Owner, PostMorphPass, Resource, Source, Steps, Use, Work};
 use crate::update::technique::{Technique, UpdateId};
 use ash::vk;
-use std::any::Any;
 use std::ops::Range;
 
-/// The target of a step for an instance, and the state of its output.
+/// The target of a pass for an instance, and the state of its output.
 struct Target {
     kind: PostMorphPass,
     instance: u32,
-    step: Box<dyn AfterStep>,
+    pass: Pass,
     /// Ring of lists of changed pieces, for the kernels.
     lists: Ring,
     /// Changed pieces of the pose, and the pieces to write for them.
@@ -53,35 +53,56 @@ pub(crate) struct After {
 }
 
 impl After {
-    /// Sets a target made by `make`, with lists in a ring of this `usage`, and `outputs` (1 or 2) alternating output
-    /// buffers.
+    /// Sets the target for the pose of an instance.
     ///
     /// # Errors
-    /// Errors of `make`; no memory. Nothing changes then.
-    pub(super) fn set<F: AfterStep>(
+    /// An invalid target or skin; no memory. Nothing changes then.
+    pub fn set_output(&mut self, context: &TargetContext<'_>, target: &OutputTarget<'_>) -> Result<()> {
+        let what = if target.joints.is_some() { "a skinned output target" } else { "an output target" };
+        self.set(context, PostMorphPass::Output, what, target.outputs(), target.reads(context)?)
+    }
+
+    /// Sets the target for the normals of an instance.
+    ///
+    /// # Errors
+    /// An invalid target or surface; no memory. Nothing changes then.
+    pub fn set_normals(
+        &mut self,
+        context: &TargetContext<'_>,
+        (normals, target): (&GpuNormals, &NormalsTarget),
+    ) -> Result<()> {
+        let NormalsTarget { buffer, offset, stride } = *target;
+        let output = Output { buffer, offset, stride, second: None };
+        self.set(context, PostMorphPass::Normals, "a normals target", vec![output], normals.reads(context)?)
+    }
+
+    fn set(
         &mut self,
         context: &TargetContext<'_>,
         kind: PostMorphPass,
-        outputs: usize,
-        usage: vk::BufferUsageFlags,
-        make: impl FnOnce(&Ring) -> Result<F>,
+        what: &str,
+        outputs: Vec<Output>,
+        reads: Reads,
     ) -> Result<()> {
-        let TargetContext { instance, .. } = *context;
-        let changed = Pieces::none((context.group.mesh.layout.vertex_count as u32).div_ceil(PIECE));
+        context.check(what, &outputs, &reads)?;
+        let TargetContext { instance, frames, .. } = *context;
+        let changed = Pieces::none(context.pieces());
         let list_bytes = Ring::part_bytes(4 * u64::from(changed.count()));
-        let lists = Ring::new(context.device, "deltamorph changed pieces", list_bytes, context.frames, usage)?;
-        let step = Box::new(make(&lists)?);
+        let usage = vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
+        let lists = Ring::new(context.device, "deltamorph changed pieces", list_bytes, frames, usage)?;
+        let other_stale = (outputs.len() == 2).then(|| changed.clone());
+        let pass = Pass::new(context, &lists, outputs, reads)?;
         self.unset(kind, instance);
         self.targets.push(Target {
             kind,
             instance,
-            step,
+            pass,
             lists,
-            other_stale: (outputs == 2).then(|| changed.clone()),
+            other_stale,
             moved: changed.clone(),
             changed,
             output: 0,
-            earlier: Earlier::new(context.frames),
+            earlier: Earlier::new(frames),
             previous: None,
             is_reset: false,
             reset_by: 0,
@@ -109,23 +130,30 @@ impl After {
         self.targets.iter_mut().filter(move |target| target.instance == instance)
     }
 
-    pub(super) fn get_mut<F: AfterStep>(&mut self, kind: PostMorphPass, instance: u32) -> Option<&mut F> {
-        let target = self.of(instance).find(|target| target.kind == kind && !target.is_removed)?;
-        let any: &mut dyn Any = &mut *target.step;
-        any.downcast_mut()
+    /// Sets the offset of an instance's joints, which moved.
+    ///
+    /// # Errors
+    /// An instance that is not skinned; an invalid offset.
+    pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
+        let skins = self.of(instance).filter(|target| !target.is_removed).filter_map(|target| target.pass.skin());
+        let none = || Error::invalid(format!("instance {instance} is not skinned"), "set an output target with joints");
+        skins.last().ok_or_else(none)?.move_to(offset)
     }
 
-    /// The step of a target with valid output, the buffer written last, and the one with the output before the last
-    /// update.
-    pub(super) fn written<F: AfterStep>(
-        &self,
-        kind: PostMorphPass,
-        instance: u32,
-    ) -> Option<(&F, usize, Option<usize>)> {
-        let target = self.targets.iter().find(|target| (target.kind, target.instance) == (kind, instance))?;
-        let any: &dyn Any = &*target.step;
-        Some((any.downcast_ref()?, target.output, target.previous))
-            .filter(|_| target.written_by > 0 && !target.is_removed)
+    /// Locations of an instance's output.
+    ///
+    /// # Errors
+    /// An instance without a target, or without output so far.
+    pub fn output(&self, instance: u32) -> Result<OutputView> {
+        let mut of_kind = self.targets.iter().filter(|target| target.kind == PostMorphPass::Output);
+        let found = of_kind.find(|target| target.instance == instance && target.written_by > 0 && !target.is_removed);
+        let none = || {
+            let text = format!("instance {instance} has no output");
+            Error::invalid(text, "set an output target, and record an update")
+        };
+        let Target { pass, output, previous, .. } = found.ok_or_else(none)?;
+        let at = |output: usize| (pass.outputs[output].buffer, pass.outputs[output].offset);
+        Ok(OutputView { current: at(*output), previous: previous.map(at) })
     }
 
     /// Takes a change of the outputs of an instance. Buffers of a removed one stay alive for earlier updates; the host
@@ -150,8 +178,8 @@ impl After {
         }
     }
 
-    /// Appends the steps that bring the targets to the update planned by `technique`; none if nothing changed. `wrote`:
-    /// uses of the last update that wrote poses, which may be an earlier one.
+    /// Appends the passes that bring the targets to the update planned by `technique`; none if nothing changed.
+    /// `wrote`: uses of the last update that wrote poses, which may be an earlier one.
     ///
     /// # Errors
     /// Lists that are not mapped.
@@ -186,7 +214,7 @@ impl After {
             std::mem::take(&mut earlier).iter().for_each(|uses| steps.step(uses));
             steps.step(kind.uses());
             for (&Target { instance, output, .. }, (slot, count)) in planned() {
-                let owner = Owner::Step(kind);
+                let owner = Owner::Pass(kind);
                 let source = Source::Slot(slot);
                 let destination = output as u32;
                 let items = 0..count;
@@ -196,17 +224,18 @@ impl After {
         Ok(())
     }
 
-    /// Records a work of a step.
+    /// Records a work of a pass.
     ///
     /// # Safety
-    /// See [`AfterStep::record`].
+    /// See [`Pass::record`].
+    #[allow(unsafe_code)]
     pub unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: PostMorphPass, work: &Work) {
         let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance));
         let (Some(target), Source::Slot(slot)) = (target, work.source) else { return };
         let output = work.destination as usize;
         let job = Job { frame, slot, output, count: work.items.end, is_listed: target.is_listed };
         // SAFETY: the caller's obligations.
-        unsafe { target.step.record(cmd, &job) };
+        unsafe { target.pass.record(cmd, &job) };
     }
 }
 
@@ -217,8 +246,8 @@ impl Target {
         self.moved.clear();
         self.changed.clear();
         changed.iter().for_each(|range| self.moved.add(range.start / PIECE..range.end.div_ceil(PIECE)));
-        self.step.spread(&self.moved, &mut self.changed);
-        if self.step.take_changed() || self.is_stale {
+        self.pass.reads.spread(&self.moved, &mut self.changed);
+        if self.pass.reads.take_changed() || self.is_stale {
             self.changed.add(0..all);
         }
         let is_reset = std::mem::take(&mut self.is_reset);

@@ -2,8 +2,7 @@
 
 use super::MorphEngine;
 use super::base::Crowd;
-use crate::abi::steps::after_steps;
-use crate::after::*;
+use crate::after::{After, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, OutputTarget, SkinDesc, TargetContext};
 use crate::error::Result;
 use crate::pack::PackedMesh;
 use crate::plan::steps::PostMorphPass;
@@ -66,57 +65,79 @@ impl MorphEngine {
         // SAFETY: the caller's obligations.
         unsafe { GpuNormals::upload(&self.device, cmd, mesh, desc) }
     }
-}
 
-macro_rules! target_setters {
-    (() $(
-        $(#[doc = $doc:literal])*
-        $kind:ident $module:ident::$step:ident $public:tt ($set:ident: $target:ty) $dispatch:tt
-    )*) => {
-        impl MorphEngine {$(
-            $(#[doc = $doc])*
-            ///
-            /// `None` removes the target. An instance has at most one target of each kind.
-            ///
-            /// The pass is recorded with the update, after the update's own steps. It writes the blocks that the update
-            /// changed (dense paths and animated crowds: all of a pose that changed, or may have), or nothing if
-            /// nothing changed. It writes everything the first time, after the instance was hidden, and after an update
-            /// that wrote the target was discarded. Its output is ready for the
-            /// [consumers](crate::CrowdDesc::consumers) of the crowd, and waits for their reads, like poses. Removing
-            /// an instance removes its target.
-            ///
-            /// The caller is responsible for: barriers of its own if it writes the buffers itself, or reads them in
-            /// stages that the consumers do not include.
-            ///
-            /// # Errors
-            /// An instance out of range or removed; a crowd of another engine; a direct path, which has no poses; an
-            /// invalid offset or stride; a range beyond the device's storage range, or beyond the end of the buffer as
-            /// far as `vkGetBufferMemoryRequirements` tells. Nothing changes then.
-            ///
-            /// # Safety
-            /// - The buffers belong to the engine's device and have storage buffer usage. They are large enough for
-            ///   everything that is read and written, and live until the target is replaced or removed and all updates
-            ///   recorded before that have finished.
-            /// - Joints stay unchanged from the update they were set for until others are
-            ///   [set](crate::Crowd::set_joints) and all updates recorded before that have finished: an update that
-            ///   changes blocks reads them again.
-            /// - All updates of the crowd recorded with an earlier target of the instance have finished.
-            pub unsafe fn $set(
-                &self,
-                crowd: &mut Crowd,
-                instance: u32,
-                target: Option<$target>,
-            ) -> Result<()> {
-                crowd.check_device(&self.device)?;
-                crowd.set_after(&self.kernels, instance, |after, context| match target {
-                    Some(target) => crate::after::$module::$step::set(after, context, target),
-                    None => {
-                        after.unset(PostMorphPass::$kind, instance);
-                        Ok(())
-                    }
-                })
+    /// Writes the pose of an instance as float32 into an output buffer of the application, from the next recorded
+    /// update on, skinned if the target names [joints](OutputTarget::joints): for any pose format and both kinds of
+    /// crowd; also for ray tracing, picking, or shaders that cannot decode poses. `None` removes the target. See
+    /// [`after`](crate::after) for what is written when.
+    ///
+    /// All vertices are written after joints moved ([`Crowd::set_joints`]). To build acceleration structures from the
+    /// output, add [`ACCELERATION_STRUCTURES`](crate::Consumers::ACCELERATION_STRUCTURES) to the consumers.
+    ///
+    /// The caller is responsible for: barriers of its own if it writes the buffers itself, or reads them in stages that
+    /// the consumers do not include; joints that are written, and visible to compute shader reads, when an update that
+    /// skins runs.
+    ///
+    /// # Errors
+    /// An instance out of range or removed; a crowd of another engine; a direct path, which has no poses; an invalid
+    /// offset or stride; a range beyond the device's storage range, or beyond the end of the buffer as far as
+    /// `vkGetBufferMemoryRequirements` tells; more pieces of 32 vertices than a texel buffer of the device holds (at
+    /// least 65,536); a skin of another engine or mesh, or of another packing of the mesh; joints beyond the end of
+    /// their buffer. Nothing changes then.
+    ///
+    /// # Safety
+    /// - The buffers belong to the engine's device and have storage buffer usage. They are large enough for everything
+    ///   that is read and written, and live until the target is replaced or removed and all updates recorded before
+    ///   that have finished.
+    /// - Joints stay unchanged from the update they were set for until others are [set](Crowd::set_joints) and all
+    ///   updates recorded before that have finished: an update that changes blocks reads them again.
+    /// - All updates of the crowd recorded with an earlier target of the instance have finished.
+    pub unsafe fn set_output_target(
+        &self,
+        crowd: &mut Crowd,
+        instance: u32,
+        target: Option<&OutputTarget<'_>>,
+    ) -> Result<()> {
+        self.set_target(crowd, instance, PostMorphPass::Output, target, After::set_output)
+    }
+
+    /// Computes the normals of an instance's pose from its morphed surface into an output buffer of the application,
+    /// from the next recorded update on: area-weighted as on import, equal for welded vertices, of unit length. `None`
+    /// removes the target. See [`after`](crate::after) for what is written when.
+    ///
+    /// A vertex whose triangles all have zero area gets its base normal. Pieces of 32 vertices that share a triangle
+    /// with changed ones are written too.
+    ///
+    /// # Errors
+    /// Those of [`set_output_target`](Self::set_output_target); a surface of another engine or mesh, or of another
+    /// packing of the mesh. Nothing changes then.
+    ///
+    /// # Safety
+    /// Those of [`set_output_target`](Self::set_output_target).
+    pub unsafe fn set_normals_target(
+        &self,
+        crowd: &mut Crowd,
+        instance: u32,
+        target: Option<(&GpuNormals, &NormalsTarget)>,
+    ) -> Result<()> {
+        self.set_target(crowd, instance, PostMorphPass::Normals, target, After::set_normals)
+    }
+
+    fn set_target<T>(
+        &self,
+        crowd: &mut Crowd,
+        instance: u32,
+        kind: PostMorphPass,
+        target: Option<T>,
+        set: impl FnOnce(&mut After, &TargetContext<'_>, T) -> Result<()>,
+    ) -> Result<()> {
+        crowd.check_device(&self.device)?;
+        crowd.set_after(&self.kernels, instance, |after, context| match target {
+            Some(target) => set(after, context, target),
+            None => {
+                after.unset(kind, instance);
+                Ok(())
             }
-        )*}
-    };
+        })
+    }
 }
-after_steps!(target_setters());

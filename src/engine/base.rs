@@ -363,7 +363,7 @@ impl Crowd {
     pub(super) fn step_name(&self, work: &Work) -> &'static str {
         match work.owner {
             Owner::Technique => self.technique().step_name(work).unwrap_or(self.desc.update.path.name()),
-            Owner::Step(kind) => kind.name(),
+            Owner::Pass(kind) => kind.name(),
         }
     }
 
@@ -377,7 +377,7 @@ impl Crowd {
             // SAFETY: the caller's obligations.
             Owner::Technique => unsafe { self.technique().record(cmd, frame, work) },
             // SAFETY: as above.
-            Owner::Step(kind) => unsafe { self.after.record(cmd, frame, kind, work) },
+            Owner::Pass(kind) => unsafe { self.after.record(cmd, frame, kind, work) },
         }
     }
 

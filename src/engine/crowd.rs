@@ -3,8 +3,7 @@
 use super::base::{Crowd, Updater};
 use super::poses;
 use super::views::{PoseBuffer, PoseView, StreamView};
-use crate::after::SkinnedView;
-use crate::after::skin::Skin;
+use crate::after::OutputView;
 use crate::asset::streams::Semantic;
 use crate::error::{Result, refuse};
 use crate::pack::PackedMesh;
@@ -73,26 +72,26 @@ impl Crowd {
     }
 
     /// Sets new joints of a skinned instance from the next recorded update on: those at byte `offset` (a multiple of
-    /// 16) of the buffer of joints of its [target](crate::after::SkinTarget). The offset may stay the same if the
+    /// 16) of the buffer of joints of its [target](crate::after::OutputTarget). The offset may stay the same if the
     /// host's barriers order the writes; for joints written by the host with several frames in flight, it has to
     /// alternate.
     ///
     /// # Errors
-    /// An instance out of range or removed, or without a skin target; a misaligned offset; joints beyond the end of
+    /// An instance out of range or removed, or not skinned; a misaligned offset; joints beyond the end of
     /// their buffer. Nothing changes then.
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
         self.instances.check(instance)?;
-        Skin::set_joints(&mut self.after, instance, offset)
+        self.after.set_joints(instance, offset)
     }
 
-    /// Locations of the skinned pose of an instance after the updates recorded so far.
+    /// Locations of the [output](crate::after::OutputTarget) of an instance after the updates recorded so far.
     ///
     /// # Errors
-    /// An instance out of range or removed, or without a skin target; no update recorded yet, or its update was
+    /// An instance out of range or removed, or without an output target; no update recorded yet, or its update was
     /// discarded.
-    pub fn skinned(&self, instance: u32) -> Result<SkinnedView> {
+    pub fn output(&self, instance: u32) -> Result<OutputView> {
         self.instances.check(instance)?;
-        Skin::view(&self.after, instance)
+        self.after.output(instance)
     }
 }
 

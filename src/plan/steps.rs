@@ -7,7 +7,6 @@
 //! A use names a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time for any
 //! number of instances. The hazard checker tracks every instance and slot.
 
-use crate::abi::steps::after_steps;
 use ash::vk::{AccessFlags as A, PipelineStageFlags as S};
 use std::ops::{BitOr, Range};
 
@@ -102,27 +101,9 @@ impl BitOr for Scope {
     }
 }
 
-macro_rules! resources {
-    ({ $($(#[doc = $doc:literal])* $resource:ident,)* } $(
-        $(#[doc = $step_doc:literal])*
-        $kind:ident $module:ident::$step:ident $face:tt $set:tt {
-            $reads:tt => $written:ident, $push:ident $members:tt $rows:tt
-        }
-    )*) => {
-        /// Memory of a crowd, by kind, over all instances.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        pub enum Resource {
-            $($(#[doc = $doc])* $resource,)*
-            $(#[doc = concat!("What the step `", stringify!($kind), "` writes, of all instances.")] $written,)*
-        }
-
-        impl Resource {
-            pub(super) const COUNT: usize = [$(Self::$resource,)* $(Self::$written,)*].len();
-        }
-    };
-}
-
-after_steps!(resources {
+/// Memory of a crowd, by kind, over all instances.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Resource {
     /// Base pose and deltas of the mesh.
     Asset,
     /// Poses of all instances and slots.
@@ -138,7 +119,15 @@ after_steps!(resources {
     WorkList,
     /// Item counts and indirect dispatch arguments: one buffer, for the same reason.
     Control,
-});
+    /// What [`PostMorphPass::Output`] writes, of all instances.
+    Outputs,
+    /// What [`PostMorphPass::Normals`] writes, of all instances.
+    Normals,
+}
+
+impl Resource {
+    pub(super) const COUNT: usize = Self::Normals as usize + 1;
+}
 
 /// A use of memory: of a [`Resource`] by a step, or of the hazard checker's memory by a work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -177,7 +166,7 @@ impl<M> Use<M> {
     }
 }
 
-/// Readers of poses and [decoded](crate::after::DecodeTarget) outputs between updates, on the queue of the updates. An
+/// Readers of poses and [outputs](crate::after) between updates, on the queue of the updates. An
 /// update's barriers wait for these readers, and make the new poses visible to them. Combined with `|`.
 ///
 /// Leave out readers on another queue: semaphores order them, barriers cannot
@@ -258,47 +247,43 @@ impl Default for Consumers {
     }
 }
 
-macro_rules! passes {
-    (() $(
-        $(#[doc = $doc:literal])*
-        $kind:ident $module:ident::$step:ident $face:tt ($set:ident: $target:ty) {
-            [$($read:ident),*] => $written:ident, $push:ident $members:tt $rows:tt
-        }
-    )*) => {
-        /// Post-morph passes, in recording order.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum PostMorphPass {
-            $(#[doc = concat!("The pass that `", stringify!($set), "` requests.")] $kind,)*
-        }
-
-        impl PostMorphPass {
-            /// Every pass.
-            pub const ALL: [Self; [$(Self::$kind),*].len()] = [$(Self::$kind),*];
-
-            /// Its name.
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $(Self::$kind => stringify!($module),)*
-                }
-            }
-
-            /// The memory uses of its dispatch.
-            pub const fn uses(self) -> &'static [Use] {
-                match self {
-                    $(Self::$kind => const { &[$(Use::read(Resource::$read),)* Use::write(Resource::$written)] },)*
-                }
-            }
-
-            /// The output that the application reads.
-            pub fn output(self) -> Resource {
-                match self {
-                    $(Self::$kind => Resource::$written,)*
-                }
-            }
-        }
-    };
+/// Post-morph passes, in recording order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PostMorphPass {
+    /// Writes the pose, skinned or not.
+    Output,
+    /// Writes normals of the morphed surface.
+    Normals,
 }
-after_steps!(passes());
+
+impl PostMorphPass {
+    /// Every pass.
+    pub const ALL: [Self; 2] = [Self::Output, Self::Normals];
+
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Output => "output",
+            Self::Normals => "normals",
+        }
+    }
+
+    /// The memory uses of its dispatch.
+    pub const fn uses(self) -> &'static [Use] {
+        match self {
+            Self::Output => const { &[Use::read(Resource::Poses), Use::write(Resource::Outputs)] },
+            Self::Normals => const { &[Use::read(Resource::Poses), Use::write(Resource::Normals)] },
+        }
+    }
+
+    /// The output that the application reads.
+    pub const fn output(self) -> Resource {
+        match self {
+            Self::Output => Resource::Outputs,
+            Self::Normals => Resource::Normals,
+        }
+    }
+}
 
 /// The source pose of a work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -317,7 +302,7 @@ pub enum Owner {
     #[default]
     Technique,
     /// A post-morph pass.
-    Step(PostMorphPass),
+    Pass(PostMorphPass),
 }
 
 /// A dispatch or draw of a step. Its owner defines the numbers.

@@ -296,9 +296,9 @@ fn poses_in_the_hosts_vertices_are_decoded() {
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             let count = mesh.layout().vertex_count;
             let target = host.shared(24 * count);
-            let decoded = DecodeTarget { stride: 24, normals: Some(12), ..DecodeTarget::new(target.buffer) };
+            let decoded = OutputTarget { stride: 24, normals: Some(12), ..OutputTarget::new(target.buffer) };
             // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
-            unsafe { crowd.set_decode_target(1, Some(&decoded)) }.expect("a target");
+            unsafe { crowd.set_output_target(1, Some(&decoded)) }.expect("a target");
             for frame in 0..4 {
                 crowd.step(&[&weights(&mesh, frame, 0), &weights(&mesh, frame, 1)]).expect("a step");
                 let bytes = in_host.contents();

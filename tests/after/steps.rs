@@ -1,5 +1,4 @@
-//! Every post-morph pass, under the same tests: a rig per step, and a test for each column of the resulting table.
-//! A step without a rig does not compile.
+//! Every post-morph pass, under the same tests: a rig for each, and a test for each column of the resulting table.
 
 use crate::gpu::recorded;
 use crate::hazards::{Memory, barriers_needed};
@@ -7,7 +6,8 @@ use crate::joints::{JOINTS, Joints, MIRRORED};
 use crate::prelude::*;
 use crate::written::Written;
 use deltamorph::Result;
-use deltamorph::internals::plan::steps::PostMorphPass;
+use deltamorph::after;
+use deltamorph::internals::plan::steps::{PostMorphPass, Resource};
 use glam::DVec3;
 
 /// Largest errors of skinned positions, as a fraction of the diagonal, and of their normals, in degrees; and of
@@ -71,10 +71,29 @@ fn bits(numbers: &[f32]) -> Vec<u32> {
     numbers.iter().map(|x| x.to_bits()).collect()
 }
 
-#[derive(Clone, Copy, Debug)]
+/// What a rig tests.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Pose,
+    Skinned,
+    Normals,
+}
+
+impl Kind {
+    const ALL: [Self; 3] = [Self::Pose, Self::Skinned, Self::Normals];
+
+    fn output(self) -> Resource {
+        match self {
+            Self::Pose | Self::Skinned => PostMorphPass::Output.output(),
+            Self::Normals => PostMorphPass::Normals.output(),
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
 enum Target {
-    Decode(DecodeTarget),
-    Skin(SkinTarget),
+    /// Without its joints.
+    Output(OutputTarget<'static>),
     Normals(NormalsTarget),
 }
 
@@ -85,12 +104,13 @@ struct Skinned<'a> {
     influences: (Vec<u16>, Vec<f32>),
     method: SkinMethod,
     joints: Joints<'a>,
-    /// The previous pose.
-    before: Vec<f32>,
+    /// Bytes of the buffer that contain joints, and the offset of the first.
+    joints_at: (u64, u64),
 }
 
-/// A step of an instance: its target, and its outputs.
+/// A pass of an instance: its target, and its outputs.
 struct Rig<'a> {
+    kind: Kind,
     mesh: Arc<PackedMesh>,
     source: &'a KeptMesh,
     target: Target,
@@ -98,6 +118,8 @@ struct Rig<'a> {
     outputs: Vec<Written<'a>>,
     /// The current contents, in the order of the packed mesh.
     held: Vec<Vec<f32>>,
+    /// The previous output.
+    before: Vec<f32>,
     skinned: Option<Skinned<'a>>,
     surface: Option<GpuNormals>,
     /// Largest errors: as a fraction of the diagonal, and degrees.
@@ -107,7 +129,7 @@ struct Rig<'a> {
 impl<'a> Rig<'a> {
     /// Makes one of two targets of a step, which differ in all options.
     fn new(
-        kind: PostMorphPass,
+        kind: Kind,
         which: usize,
         headless: &'a Headless,
         host: &'a Buffers<'a>,
@@ -119,13 +141,17 @@ impl<'a> Rig<'a> {
         let (offset, stride, normals) = place;
         let (mut skinned, mut surface) = (None, None);
         let (target, outputs) = match kind {
-            PostMorphPass::Decode => {
+            Kind::Pose => {
                 let (offset, stride, normals) = if which == 0 { (0, 12, None) } else { place };
-                let output = written((offset, stride, normals));
-                let target = DecodeTarget { offset, stride, normals, ..DecodeTarget::new(output.buffer) };
-                (Target::Decode(target), vec![output])
+                let mut outputs = vec![written((offset, stride, normals))];
+                if which == 0 {
+                    outputs.push(written((offset + 4, stride, normals)));
+                }
+                let second = outputs.get(1).map(|other| (other.buffer, offset + 4));
+                let target = OutputTarget { offset, stride, normals, second, ..OutputTarget::new(outputs[0].buffer) };
+                (Target::Output(target), outputs)
             }
-            PostMorphPass::Skin => {
+            Kind::Skinned => {
                 let method = [SkinMethod::Linear, SkinMethod::DualQuaternion][which];
                 let few = (mesh.layout().format == DeltaFormat::Fast) == (which == 0);
                 let per_vertex = if few { 4 } else { 8 };
@@ -143,14 +169,13 @@ impl<'a> Rig<'a> {
                 if which == 0 {
                     outputs.push(written((offset + 4, stride, normals)));
                 }
-                let target = SkinTarget::new(outputs[0].buffer, joints.shared.buffer, 3 * Joints::STRIDE);
-                let target = SkinTarget { offset, stride, normals, method, ..target };
-                let target = SkinTarget { second: outputs.get(1).map(|other| (other.buffer, offset + 4)), ..target };
-                let target = SkinTarget { joints_offset: joints.offset(), ..target };
-                skinned = Some(Skinned { skin, per_vertex, influences, method, joints, before: vec![] });
-                (Target::Skin(target), outputs)
+                let second = outputs.get(1).map(|other| (other.buffer, offset + 4));
+                let target = OutputTarget { offset, stride, normals, second, ..OutputTarget::new(outputs[0].buffer) };
+                let joints_at = (3 * Joints::STRIDE, joints.offset());
+                skinned = Some(Skinned { skin, per_vertex, influences, method, joints, joints_at });
+                (Target::Output(target), outputs)
             }
-            PostMorphPass::Normals => {
+            Kind::Normals => {
                 let corners = corners(source);
                 let desc =
                     NormalsDesc { sizes: &source.faces.sizes, welds: &source.welds, ..NormalsDesc::new(&corners) };
@@ -161,17 +186,24 @@ impl<'a> Rig<'a> {
             }
         };
         let held = outputs.iter().map(|_| vec![]).collect();
-        Self { mesh: mesh.clone(), source, target, outputs, held, skinned, surface, worst: (0.0, 0.0) }
+        let (mesh, before, worst) = (mesh.clone(), vec![], (0.0, 0.0));
+        Self { kind, mesh, source, target, outputs, held, before, skinned, surface, worst }
     }
 
     fn try_set(&self, crowd: &mut HeadlessCrowd<'_>, instance: u32, target: Target) -> Result<()> {
         // SAFETY: the buffers are large enough, or it is refused; they live as long as the crowd; nothing is running.
         unsafe {
             match &target {
-                Target::Decode(target) => crowd.set_decode_target(instance, Some(target)),
-                Target::Skin(target) => {
-                    let skinned = self.skinned.as_ref().expect("a skin");
-                    crowd.set_skin_target(instance, Some((&skinned.skin, target)))
+                Target::Output(target) => {
+                    let joints = self.skinned.as_ref().map(|Skinned { skin, method, joints, joints_at, .. }| {
+                        let (bytes, offset) = *joints_at;
+                        after::Joints {
+                            offset,
+                            method: *method,
+                            ..after::Joints::new(skin, joints.shared.buffer, bytes)
+                        }
+                    });
+                    crowd.set_output_target(instance, Some(&OutputTarget { joints, ..*target }))
                 }
                 Target::Normals(target) => {
                     crowd.set_normals_target(instance, Some((self.surface.as_ref().expect("a surface"), target)))
@@ -188,8 +220,7 @@ impl<'a> Rig<'a> {
         // SAFETY: nothing is running.
         let unset = unsafe {
             match self.target {
-                Target::Decode(_) => crowd.set_decode_target(instance, None),
-                Target::Skin(_) => crowd.set_skin_target(instance, None),
+                Target::Output(_) => crowd.set_output_target(instance, None),
                 Target::Normals(_) => crowd.set_normals_target(instance, None),
             }
         };
@@ -226,14 +257,14 @@ impl<'a> Rig<'a> {
     fn assert_right(&mut self, output: usize, pose: &[f32], reference: &[f64], what: &str) {
         let (held, layout) = (&self.held[output], self.mesh.layout());
         let (position, degrees) = match (&self.target, &self.skinned) {
-            (Target::Decode(target), _) => {
+            (Target::Output(target), None) => {
                 let width = if target.normals.is_some() { 6 } else { 3 };
                 let vertices = pose.chunks_exact(6).take(layout.vertex_count);
                 let expected: Vec<f32> = vertices.flat_map(|vertex| &vertex[..width]).copied().collect();
                 assert!(bits(held) == bits(&expected), "{what}: not the pose");
                 (0.0, 0.0)
             }
-            (Target::Skin(_), Some(Skinned { per_vertex, influences, method, joints, .. })) => {
+            (Target::Output(_), Some(Skinned { per_vertex, influences, method, joints, .. })) => {
                 let desc = SkinDesc {
                     influences: *per_vertex,
                     joint_count: JOINTS,
@@ -266,16 +297,17 @@ impl<'a> Rig<'a> {
                 assert_eq!(welded, None, "{what}: a seam shows");
                 (0.0, off)
             }
-            (Target::Skin(_), _) => unreachable!("a skin has joints"),
         };
         self.worst = (self.worst.0.max(position), self.worst.1.max(degrees));
     }
 
-    /// Checks the views of a skinned pose and the previous one, the former in the output that is returned; 0 for other
-    /// steps. `is_first`: there is no previous pose.
+    /// Checks the views of an output and the previous one, the former in the buffer that is returned; 0 for normals.
+    /// `is_first`: there is no previous output.
     fn assert_view(&mut self, crowd: &Crowd, instance: u32, counts: &[usize], is_first: bool, what: &str) -> usize {
-        let Some(skinned) = &mut self.skinned else { return 0 };
-        let view = crowd.skinned(instance).expect("a skinned pose");
+        if self.kind == Kind::Normals {
+            return 0;
+        }
+        let view = crowd.output(instance).expect("an output");
         let places: Vec<_> = self.outputs.iter().map(|output| (output.buffer, output.place.0)).collect();
         let now = places.iter().position(|place| *place == view.current).expect("one of ours");
         let other = 1 - now;
@@ -284,9 +316,9 @@ impl<'a> Rig<'a> {
             assert_eq!(view.previous, Some(view.current), "{what}");
         } else {
             assert_eq!(view.previous, places.get(other).copied(), "{what}");
-            assert!(places.len() == 1 || bits(&self.held[other]) == bits(&skinned.before), "{what}: previous");
+            assert!(places.len() == 1 || bits(&self.held[other]) == bits(&self.before), "{what}: previous");
         }
-        skinned.before.clone_from(&self.held[now]);
+        self.before.clone_from(&self.held[now]);
         now
     }
 }
@@ -297,7 +329,7 @@ fn each_writes_the_reference_and_only_what_changed() {
     gpu::on_every_driver(|headless, engine| {
         let host = Buffers::new(headless);
         for (kind, (format, update)) in
-            PostMorphPass::ALL.into_iter().flat_map(|k| gpu::updates(headless).into_iter().map(move |u| (k, u)))
+            Kind::ALL.into_iter().flat_map(|k| gpu::updates(headless).into_iter().map(move |u| (k, u)))
         {
             let mesh = Arc::new(gpu::packed(engine, &source, format));
             let vertices = mesh.layout().vertex_count;
@@ -324,7 +356,7 @@ fn each_writes_the_reference_and_only_what_changed() {
                         // The recorded update never runs.
                         let (_, dropped) = crowd.record(&[&[0.1; 37][..]; 3]).expect("a record");
                         crowd.discard(dropped.ticket).expect("a ticket");
-                        assert!(crowd.crowd().skinned(0).is_err());
+                        assert!(crowd.crowd().output(0).is_err());
                     }
                     8 | 10 => (0..3).for_each(|i| crowd.set_hidden(i, frame == 8).expect("an instance")),
                     12 => (0..3).for_each(|i| crowd.reset_history(i).expect("an instance")),
@@ -353,7 +385,7 @@ fn each_writes_the_reference_and_only_what_changed() {
                         (.., false) => fewer += usize::from((1..vertices).contains(&count)),
                     }
                     if frame == 0 || hidden {
-                        assert!(frame > 0 || crowd.crowd().skinned(*instance).is_err());
+                        assert!(frame > 0 || crowd.crowd().output(*instance).is_err());
                         continue;
                     }
                     let is_first = [1, 5, 10, 12].contains(&frame);
@@ -385,7 +417,7 @@ fn each_follows_heads_that_play_clips() {
         let host = Buffers::new(headless);
         let mesh = Arc::new(gpu::packed(engine, &source, DeltaFormat::Fast));
         for (kind, pose) in
-            PostMorphPass::ALL.into_iter().flat_map(|k| [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|p| (k, p)))
+            Kind::ALL.into_iter().flat_map(|k| [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|p| (k, p)))
         {
             let desc = CrowdDesc { instances: 9, ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() }) };
             let animation = AnimationDesc::new(&clips);
@@ -419,11 +451,11 @@ fn a_missing_barrier_around_each_is_found() {
     let source = mesh();
     gpu::on_every_device(|headless, engine| {
         let host = Buffers::new(headless);
-        for (kind, which) in PostMorphPass::ALL.into_iter().flat_map(|kind| [0, 1].map(|which| (kind, which))) {
-            // The step that reads all kinds of poses is tested with each.
+        for (kind, which) in Kind::ALL.into_iter().flat_map(|kind| [0, 1].map(|which| (kind, which))) {
+            // The pass without other inputs is tested with all kinds of poses.
             let updates = match kind {
-                PostMorphPass::Decode => gpu::updates(headless),
-                PostMorphPass::Skin | PostMorphPass::Normals => vec![(DeltaFormat::Fast, UpdateDesc::blocks())],
+                Kind::Pose => gpu::updates(headless),
+                Kind::Skinned | Kind::Normals => vec![(DeltaFormat::Fast, UpdateDesc::blocks())],
             };
             for (format, update) in updates {
                 let mesh = Arc::new(gpu::packed(engine, &source, format));
@@ -442,7 +474,7 @@ fn a_missing_barrier_around_each_is_found() {
                     let slot = crowd.crowd().pose(0).expect("a pose").slot;
                     let output = |(buffer, _)| u32::from(buffer != rig.outputs[0].buffer);
                     let view =
-                        crowd.crowd().skinned(0).map(|view| [Some(output(view.current)), view.previous.map(output)]);
+                        crowd.crowd().output(0).map(|view| [Some(output(view.current)), view.previous.map(output)]);
                     read.push((slot, view.unwrap_or([Some(0), None])));
                 }
                 let steps = updates[1].iter().filter(|event| matches!(event, Event::Step { .. })).count();
@@ -460,8 +492,10 @@ fn a_missing_barrier_around_each_is_found() {
                     checker.finish().is_ok()
                 };
                 // With two outputs, the slot and the output that the third update writes have not been read before.
-                let (which, least) = match rig.outputs.len() {
-                    1 => (vec![1, 2, 3, 4, 5], 10),
+                let (which, least) = match (rig.outputs.len(), kind) {
+                    (1, _) => (vec![1, 2, 3, 4, 5], 10),
+                    // Without joints, the fourth update records nothing.
+                    (_, Kind::Pose) => (vec![1, 3, 5], 8),
                     _ => (vec![1, 3, 4, 5], 9),
                 };
                 let found = barriers_needed(&updates, which, is_right);
@@ -477,35 +511,21 @@ fn targets_that_do_not_fit_are_refused() {
     gpu::on_every_device(|headless, engine| {
         let host = Buffers::new(headless);
         let mesh = Arc::new(gpu::packed(engine, &source, DeltaFormat::Fast));
-        for kind in PostMorphPass::ALL {
+        for kind in Kind::ALL {
             let mut rig = Rig::new(kind, 1, headless, &host, (&source, &mesh));
             let (fours, smaller) = ("multiples of 4", "use a smaller stride");
             let refused = match &mut rig.target {
-                Target::Decode(t) => {
-                    let wrong = [
-                        DecodeTarget { offset: 2, ..*t },
-                        DecodeTarget { stride: 20, ..*t },
-                        DecodeTarget { stride: 26, ..*t },
-                        DecodeTarget { normals: Some(8), ..*t },
-                        DecodeTarget { normals: Some(14), ..*t },
-                    ];
-                    let wrong = wrong.map(|t| (Target::Decode(t), fours)).to_vec();
-                    [wrong, vec![(Target::Decode(DecodeTarget { stride: 1 << 30, ..*t }), smaller)]].concat()
-                }
-                Target::Skin(target) => {
-                    // Room for the joints alone.
-                    let (output, joints) = (&rig.outputs[0], &rig.skinned.as_ref().expect("a skin").joints);
-                    *target = SkinTarget::new(output.buffer, joints.shared.buffer, u64::from(JOINTS) * 48);
-                    let t = *target;
-                    let wrong = [
-                        (SkinTarget { stride: 20, ..t }, fours),
-                        (SkinTarget { second: Some((output.buffer, 2)), ..t }, fours),
-                        (SkinTarget { joints_offset: 16, ..t }, "room for all joints"),
-                        (SkinTarget { joints_offset: 8, ..t }, "multiple of 16"),
-                        (SkinTarget { stride: 1 << 30, ..t }, smaller),
-                    ];
-                    wrong.map(|(t, words)| (Target::Skin(t), words)).to_vec()
-                }
+                Target::Output(t) => [
+                    (OutputTarget { offset: 2, ..*t }, fours),
+                    (OutputTarget { stride: 20, ..*t }, fours),
+                    (OutputTarget { stride: 26, ..*t }, fours),
+                    (OutputTarget { normals: Some(8), ..*t }, fours),
+                    (OutputTarget { normals: Some(14), ..*t }, fours),
+                    (OutputTarget { second: Some((t.buffer, 2)), ..*t }, fours),
+                    (OutputTarget { stride: 1 << 30, ..*t }, smaller),
+                ]
+                .map(|(t, words)| (Target::Output(t), words))
+                .to_vec(),
                 Target::Normals(t) => [
                     NormalsTarget { stride: 8, ..*t },
                     NormalsTarget { stride: 14, ..*t },
@@ -518,7 +538,15 @@ fn targets_that_do_not_fit_are_refused() {
             let text = |result: Result<()>| result.expect_err("a refusal").to_string();
             for (target, words) in refused {
                 let found = text(rig.try_set(&mut crowd, 0, target));
-                assert!(found.contains(words), "{target:?}: {found}");
+                assert!(found.contains(words), "{kind:?}: {found}");
+            }
+            for (at, words) in [(16, "room for all joints"), (8, "multiple of 16"), (0, "")] {
+                let Some(skinned) = &mut rig.skinned else { break };
+                // Dual quaternions: room for them alone.
+                skinned.joints_at = (u64::from(JOINTS) * 32, at);
+                if at > 0 {
+                    assert!(text(rig.try_set(&mut crowd, 0, rig.target)).contains(words));
+                }
             }
             assert!(text(rig.try_set(&mut crowd, 1, rig.target)).contains("instance 1"));
             assert!(text(crowd.set_joints(0, 0)).contains("not skinned"));

@@ -156,7 +156,7 @@ unsafe fn follow(
     output: vk::Buffer,
 ) {
     // SAFETY: the caller's obligations.
-    let _ = unsafe { engine.set_decode_target(crowd, 0, Some(&DecodeTarget::new(output))) };
+    let _ = unsafe { engine.set_output_target(crowd, 0, Some(&OutputTarget::new(output))) };
     // SAFETY: as above.
     let surface = unsafe { engine.upload_normals(cmd, packed, &NormalsDesc::new(&[0, 1, 2])) }.expect("a surface");
     // SAFETY: as above.
@@ -168,9 +168,10 @@ unsafe fn follow(
         // SAFETY: as above.
         let skin = unsafe { engine.upload_skin(cmd, packed, &desc) }.expect("a skin");
         for method in [SkinMethod::Linear, SkinMethod::DualQuaternion] {
-            let target = SkinTarget { method, ..SkinTarget::new(output, output, 48) };
+            let joints = Some(Joints { method, ..Joints::new(&skin, output, 48) });
+            let target = OutputTarget { joints, ..OutputTarget::new(output) };
             // SAFETY: as above.
-            let _ = unsafe { engine.set_skin_target(crowd, 0, Some((&skin, &target))) };
+            let _ = unsafe { engine.set_output_target(crowd, 0, Some(&target)) };
         }
     }
 }

@@ -91,7 +91,7 @@ impl Accesses {
 pub fn accesses(crowd: &Crowd, works: &[Work]) -> Vec<Accesses> {
     let technique: &dyn Any = crowd.technique();
     let path = crowd.desc().update.path;
-    if let Owner::Step(kind) = works[0].owner {
+    if let Owner::Pass(kind) = works[0].owner {
         return works.iter().map(|work| after(kind, work)).collect();
     }
     if technique.is::<Animated>() {

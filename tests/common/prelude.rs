@@ -5,7 +5,7 @@ pub use crate::gpu::{NORMAL, drivers, is_kept, on_device, on_every_device, singl
 pub use crate::hazards::{Event, HazardChecker};
 pub(crate) use crate::{data, gpu, testing};
 pub use deltamorph::after::{
-    DecodeTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget,
+    GpuNormals, GpuSkin, Joints, NormalsDesc, NormalsTarget, OutputTarget, SkinDesc, SkinMethod,
 };
 pub use deltamorph::ash::vk;
 pub use deltamorph::internals::gpu::tuning::DeviceTuning;

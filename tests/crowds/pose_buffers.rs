@@ -148,9 +148,9 @@ fn what_the_hosts_vertices_do_not_have_is_refused_later() {
             testing::says(crowd.crowd().pose_buffer(Semantic::Normal), &["'normal'", "VertexLayout"]);
             let found = crowd.crowd().pose_buffer(Semantic::Position).expect("positions");
             assert_eq!((found.first.stride, found.usage), (16, vk::BufferUsageFlags::empty()));
-            let target = DecodeTarget { stride: 24, normals: Some(12), ..DecodeTarget::new(buffer) };
+            let target = OutputTarget { stride: 24, normals: Some(12), ..OutputTarget::new(buffer) };
             // SAFETY: it is refused.
-            let refused = unsafe { crowd.set_decode_target(0, Some(&target)) };
+            let refused = unsafe { crowd.set_output_target(0, Some(&target)) };
             testing::says(refused, &["normals", "VertexLayout"]);
         });
     });

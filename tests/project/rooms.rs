@@ -16,7 +16,7 @@ const ROOMS: &[(&str, &str)] = &[
     ("abi", "error asset"),
     ("pack", "error math names io asset weights abi"),
     ("lod", "error math asset weights pack"),
-    ("plan", "error math abi pack"),
+    ("plan", "error math pack"),
     ("crowd", ""),
     ("gpu", "error abi pack plan"),
     ("update", "error weights abi pack lod plan gpu"),

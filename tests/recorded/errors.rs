@@ -114,9 +114,12 @@ fn refused_everywhere(headless: &Headless, made: &mut Made, instance: u32, words
     let null = vk::Buffer::null();
     // SAFETY: everything is refused, so no buffer is used.
     unsafe {
-        says(engine.set_decode_target(crowd, instance, Some(&DecodeTarget::new(null))), words);
-        let target = SkinTarget::new(null, null, 48);
-        says(engine.set_skin_target(crowd, instance, Some((skin, &target))), words);
+        for joints in [None, Some(Joints::new(skin, null, 48))] {
+            says(
+                engine.set_output_target(crowd, instance, Some(&OutputTarget { joints, ..OutputTarget::new(null) })),
+                words,
+            );
+        }
         says(engine.set_normals_target(crowd, instance, Some((surface, &NormalsTarget::new(null)))), words);
         let mut readback = engine.readback();
         says(headless.run(|cmd| readback.record(cmd, crowd, &[instance])), words);
@@ -143,7 +146,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
             says(crowd.set_hidden(instance, true), words);
             says(crowd.remove(instance), words);
             says(crowd.set_joints(instance, 0), words);
-            says(crowd.skinned(instance), words);
+            says(crowd.output(instance), words);
             says(crowd.pose(instance), words);
             says(crowd.previous_pose(instance), words);
             says(crowd.stream(instance, Semantic::Normal), words);
@@ -151,7 +154,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
             says(crowd.weights(instance), words);
             says(crowd.set_weights(instance, &[0.0; 4]), words);
         }
-        says(made.crowd.skinned(0), "set a skin target, and record an update");
+        says(made.crowd.output(0), "set an output target, and record an update");
         says(made.crowd.stream(0, Semantic::Color(3)), "color 3");
         says(made.crowd.previous_stream(0, Semantic::Color(3)), "color 3");
         says(made.crowd.pose_buffer(Semantic::Color(3)), "color 3");
@@ -164,9 +167,10 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         let null = vk::Buffer::null();
         // SAFETY: everything is refused, so no buffer is used, and nothing is recorded.
         unsafe {
-            let target = SkinTarget::new(null, null, 48);
+            let joints = Some(Joints::new(&of_other.skin, null, 48));
+            let target = OutputTarget { joints, ..OutputTarget::new(null) };
             let upload = "upload it with the crowd's engine";
-            says(engine.set_skin_target(&mut made.crowd, 0, Some((&of_other.skin, &target))), upload);
+            says(engine.set_output_target(&mut made.crowd, 0, Some(&target)), upload);
             let target = NormalsTarget::new(null);
             says(engine.set_normals_target(&mut made.crowd, 0, Some((&of_other.surface, &target))), upload);
             says(headless.run(|cmd| engine.record_updates(cmd, &mut [&mut made.crowd, &mut of_other.crowd])), words);
@@ -210,9 +214,10 @@ fn what_exceeds_the_device_is_refused_with_the_numbers() {
     let limits = gpu::baseline(|caps| caps.max_texels = 2);
     gpu::on_device_within(&gpu::one(), Some(limits), |headless, engine| {
         let Made { mut crowd, skin, .. } = make(headless, &packed(DeltaFormat::Fast));
-        let target = SkinTarget::new(vk::Buffer::null(), vk::Buffer::null(), 48);
+        let joints = Some(Joints::new(&skin, vk::Buffer::null(), 48));
+        let target = OutputTarget { joints, ..OutputTarget::new(vk::Buffer::null()) };
         // SAFETY: it is refused, so no buffer is used.
-        let refused = unsafe { engine.set_skin_target(&mut crowd, 0, Some((&skin, &target))) };
+        let refused = unsafe { engine.set_output_target(&mut crowd, 0, Some(&target)) };
         says(refused, "takes 4 texels");
     });
 }
@@ -254,14 +259,20 @@ fn buffers_that_are_too_small_are_refused_with_both_sizes() {
         let end = |bytes: u32| format!("to byte {bytes} of a host buffer of at most 10");
         // SAFETY: everything is refused, so no buffer is used.
         unsafe {
-            says(engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(small))), &end(1200));
+            says(engine.set_output_target(&mut crowd, 0, Some(&OutputTarget::new(small))), &end(1200));
             says(engine.set_normals_target(&mut crowd, 0, Some((&surface, &NormalsTarget::new(small)))), &end(1200));
+            let target = |buffer, joints| OutputTarget {
+                stride: 24,
+                normals: Some(12),
+                joints: Some(joints),
+                ..OutputTarget::new(buffer)
+            };
             for (target, bytes) in [
-                (SkinTarget::new(small, large, 48), 2400),
-                (SkinTarget { second: Some((small, 4)), ..SkinTarget::new(large, large, 48) }, 2404),
-                (SkinTarget::new(large, small, 4096), 4096),
+                (target(small, Joints::new(&skin, large, 48)), 2400),
+                (OutputTarget { second: Some((small, 4)), ..target(large, Joints::new(&skin, large, 48)) }, 2404),
+                (target(large, Joints::new(&skin, small, 4096)), 4096),
             ] {
-                says(engine.set_skin_target(&mut crowd, 0, Some((&skin, &target))), &end(bytes));
+                says(engine.set_output_target(&mut crowd, 0, Some(&target)), &end(bytes));
             }
             let vertex = VertexLayout::new(24).stream(Semantic::Position, 0).stream(Semantic::Normal, 12);
             let poses = HostPoses::new(small, 0, vertex);

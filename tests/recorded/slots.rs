@@ -19,7 +19,7 @@ fn places(crowd: &Crowd) -> Places {
     let pose = |i| crowd.pose(i).ok().map(|pose| pose.slot);
     let previous = |i| crowd.previous_pose(i).ok().flatten().map(|pose| pose.slot);
     let poses = (0..INSTANCES).map(|i| [pose(i), previous(i)]).collect();
-    Places { poses, skinned: crowd.skinned(0).ok().map(|view| view.current) }
+    Places { poses, skinned: crowd.output(0).ok().map(|view| view.current) }
 }
 
 /// Asserts that updates write nothing that draws running concurrently by the rule may read: `drawn`, the last frame
@@ -107,9 +107,10 @@ fn discarded_updates_give_their_slots_back() {
         let source = testing::mesh(100, TARGETS);
         let place = || host.shared(100 * 24).buffer;
         let joints = host.shared(48).buffer;
-        let target = SkinTarget { second: Some((place(), 0)), ..SkinTarget::new(place(), joints, 48) };
         let mesh = gpu::packed(engine, &source, DeltaFormat::Fast);
         let skin = skin(headless, &mesh);
+        let joints = Some(Joints::new(&skin, joints, 48));
+        let target = OutputTarget { second: Some((place(), 0)), joints, ..OutputTarget::new(place()) };
         let clips = [gpu::clip(&mesh, 30.0, (0..10 * TARGETS).map(|i| (i % 7) as f32 / 8.0).collect())];
         for slots in 1..4 {
             let desc = CrowdDesc {
@@ -120,7 +121,7 @@ fn discarded_updates_give_their_slots_back() {
             let mut crowd =
                 HeadlessCrowd::animated(headless, &mesh, &desc, &AnimationDesc::new(&clips)).expect("a crowd");
             // SAFETY: the buffers are large enough, and outlive the crowd; nothing is running.
-            unsafe { crowd.set_skin_target(0, Some((&skin, &target))) }.expect("a target");
+            unsafe { crowd.set_output_target(0, Some(&target)) }.expect("a target");
             (0..INSTANCES).for_each(|i| crowd.play(i, &Playback::new(0)).expect("a clip"));
             follow(crowd, slots as usize);
         }

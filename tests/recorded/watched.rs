@@ -133,7 +133,7 @@ fn frames(
     let dense = gpu::upload(headless, engine, &dense);
     let mut dense = engine.create_crowd(&dense, &CrowdDesc::new(passes)).expect("a crowd");
     // SAFETY: the buffer is large enough, and outlives the crowd; nothing is running.
-    unsafe { engine.set_decode_target(&mut blocks, 0, Some(&DecodeTarget::new(decoded))) }.expect("a target");
+    unsafe { engine.set_output_target(&mut blocks, 0, Some(&OutputTarget::new(decoded))) }.expect("a target");
     let clips = [gpu::clip(&mesh, 30.0, (0..70).map(|i| i as f32 / 80.0).collect())];
     let animation = AnimationDesc::new(&clips);
     // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
@@ -194,8 +194,8 @@ fn labels_are_around_updates_and_steps_and_change_nothing_else() {
                 assert_eq!(open, 0, "labels are ended");
                 assert_eq!((poses, commands, steps), plain, "{driver}: what is recorded without labels");
                 let expected = match number {
-                    0 => "blocks, compute, records, decode, compute, sample, compute, plan, arguments, blocks",
-                    1 | 2 => "blocks, compute, sample, decode, compute, plan, compute, arguments, blocks",
+                    0 => "blocks, compute, records, output, compute, sample, compute, plan, arguments, blocks",
+                    1 | 2 => "blocks, compute, sample, output, compute, plan, compute, arguments, blocks",
                     _ => "",
                 };
                 let update = if number < 3 { "deltamorph update, " } else { "" };
@@ -249,7 +249,7 @@ fn timestamps_are_written_between_the_steps_of_each_update() {
                 }
                 let (records, count) = if number == 0 { ("records ", 6) } else { ("", 5) };
                 let animated = format!("{records}sample plan arguments blocks");
-                assert_eq!(names, ["blocks decode", "compute compute compute", &animated]);
+                assert_eq!(names, ["blocks output", "compute compute compute", &animated]);
                 assert_eq!(numbers, [3, 4, count]);
                 assert_eq!(stamps.len(), 7 + count, "{stamps:?}");
                 assert_eq!(stamps[..3], ["timestamp 0", "timestamp 10", "timestamp 20"], "all begin together");

@@ -215,10 +215,11 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, up
         let desc = CrowdDesc { instances: 2, consumers, ..CrowdDesc::new(update) };
         let mut crowd = engine.create_crowd(&uploaded, &desc).expect(&what);
         let decode =
-            DecodeTarget { offset: 268, stride: 40, normals: Some(16), ..DecodeTarget::new(outputs[0].buffer) };
-        engine.set_decode_target(&mut crowd, 0, Some(&decode)).expect(&what);
-        let target = SkinTarget::new(outputs[1].buffer, joints.buffer, 48);
-        engine.set_skin_target(&mut crowd, 1, Some((&skin, &target))).expect(&what);
+            OutputTarget { offset: 268, stride: 40, normals: Some(16), ..OutputTarget::new(outputs[0].buffer) };
+        engine.set_output_target(&mut crowd, 0, Some(&decode)).expect(&what);
+        let joints = Some(Joints::new(&skin, joints.buffer, 48));
+        let target = OutputTarget { stride: 24, normals: Some(12), joints, ..OutputTarget::new(outputs[1].buffer) };
+        engine.set_output_target(&mut crowd, 1, Some(&target)).expect(&what);
         let recomputed = NormalsTarget { offset: 4, ..NormalsTarget::new(outputs[2].buffer) };
         engine.set_normals_target(&mut crowd, 1, Some((&surface, &recomputed))).expect(&what);
         let mut readback = engine.readback();

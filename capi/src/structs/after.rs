@@ -2,24 +2,6 @@
 
 use deltamorph::ash::vk;
 
-/// Output buffer for an instance's float32 positions, in the order of poses and without padding.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmDecodeTarget {
-    /// sizeof(DmDecodeTarget).
-    pub struct_size: u32,
-    /// Bytes from vertex to vertex, a multiple of 4; 0: 12.
-    pub stride: u32,
-    /// The buffer, usable as storage buffer.
-    pub buffer: vk::Buffer,
-    /// Offset of the first vertex's position, a multiple of 4.
-    pub offset: u64,
-    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals.
-    pub normals: u32,
-    /// Zero.
-    pub reserved: u32,
-}
-
 /// Output buffer for normals of an instance's morphed surface, in the order of poses and without padding.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -53,11 +35,12 @@ pub struct DmSkinDesc {
     pub reserved: u32,
 }
 
-/// Output buffer of an instance's skinned pose, in the order of poses and without padding, and the joints to use.
+/// Output buffer of an instance's pose as float32, in the order of poses and without padding, and the joints that skin
+/// it.
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct DmSkinTarget {
-    /// sizeof(DmSkinTarget).
+pub struct DmOutputTarget {
+    /// sizeof(DmOutputTarget).
     pub struct_size: u32,
     /// Bytes from vertex to vertex, a multiple of 4; 0: 12, or `normals` and 12.
     pub stride: u32,
@@ -65,28 +48,28 @@ pub struct DmSkinTarget {
     pub buffer: vk::Buffer,
     /// Offset of the first vertex's position, a multiple of 4.
     pub offset: u64,
-    /// Second output buffer of the same stride, which keeps the previous skinned pose when the next is written; null:
-    /// none.
+    /// Second output buffer of the same stride, which keeps the previous output when the next is written; null: none.
     pub second_buffer: vk::Buffer,
     /// Offset in the second buffer.
     pub second_offset: u64,
-    /// The buffer of the joints, usable as storage buffer.
+    /// The buffer of the joints, usable as storage buffer; null without a skin.
     pub joints: vk::Buffer,
     /// Bytes from the beginning of that buffer that joints may occupy.
     pub joints_bytes: u64,
     /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` sets another.
     pub joints_offset: u64,
-    /// Bytes from a position to its normal, of unit length, a multiple of 4 from 12 on; 0: no normals.
+    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals. Skinned normals have unit
+    /// length.
     pub normals: u32,
     /// `DM_SKIN_…`, how joints are blended, and so their layout; 0: linear.
     pub method: u32,
 }
 
-/// Buffer and offset of a skinned pose.
+/// Buffer and offset of an output.
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct DmSkinnedView {
-    /// sizeof(DmSkinnedView).
+pub struct DmOutputView {
+    /// sizeof(DmOutputView).
     pub struct_size: u32,
     /// Zero.
     pub reserved: u32,
@@ -94,8 +77,8 @@ pub struct DmSkinnedView {
     pub buffer: vk::Buffer,
     /// Offset of the first position.
     pub offset: u64,
-    /// The buffer with the skinned pose before the last update: the same pose if nothing changed, on the first update
-    /// and after its history was reset. Null: the update overwrote it.
+    /// The buffer with the output before the last update: the same output if nothing changed, on the first update and
+    /// after its history was reset. Null: the update overwrote it.
     pub previous_buffer: vk::Buffer,
     /// Offset in that buffer.
     pub previous_offset: u64,

@@ -41,11 +41,10 @@ versioned! {
     DmUpdate;
     DmPoseView;
     DmStreamView;
-    DmDecodeTarget;
     DmNormalsTarget;
     DmSkinDesc;
-    DmSkinTarget;
-    DmSkinnedView;
+    DmOutputTarget;
+    DmOutputView;
     DmClipInfo;
     DmClipArrays;
 }

@@ -74,13 +74,12 @@ typedef struct DmUpdate { uint32_t struct_size; float bound; struct DmTicket tic
 typedef struct DmPoseView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint64_t size; uint32_t format; uint32_t slot; float units[6]; float offsets[6]; VkBuffer previous_buffer; uint64_t previous_offset; } DmPoseView;
 typedef struct DmStreamView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t components; uint32_t format; float units[4]; float offsets[4]; uint32_t slot; uint32_t reserved; } DmStreamView;
 typedef struct DmReadback { uint64_t bits; } DmReadback;
-typedef struct DmDecodeTarget { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t normals; uint32_t reserved; } DmDecodeTarget;
+typedef struct DmSkin { uint64_t bits; } DmSkin;
+typedef struct DmOutputTarget { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; VkBuffer second_buffer; uint64_t second_offset; VkBuffer joints; uint64_t joints_bytes; uint64_t joints_offset; uint32_t normals; uint32_t method; } DmOutputTarget;
 typedef struct DmSurface { uint64_t bits; } DmSurface;
 typedef struct DmNormalsTarget { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; } DmNormalsTarget;
 typedef struct DmSkinDesc { uint32_t struct_size; uint32_t influences; const uint16_t *joints; const float *weights; uint32_t joint_count; uint32_t reserved; } DmSkinDesc;
-typedef struct DmSkin { uint64_t bits; } DmSkin;
-typedef struct DmSkinTarget { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; VkBuffer second_buffer; uint64_t second_offset; VkBuffer joints; uint64_t joints_bytes; uint64_t joints_offset; uint32_t normals; uint32_t method; } DmSkinTarget;
-typedef struct DmSkinnedView { uint32_t struct_size; uint32_t reserved; VkBuffer buffer; uint64_t offset; VkBuffer previous_buffer; uint64_t previous_offset; } DmSkinnedView;
+typedef struct DmOutputView { uint32_t struct_size; uint32_t reserved; VkBuffer buffer; uint64_t offset; VkBuffer previous_buffer; uint64_t previous_offset; } DmOutputView;
 typedef struct DmWeightBounds { uint64_t bits; } DmWeightBounds;
 #define DM_OK 0
 #define DM_ERROR_IO 1
@@ -140,15 +139,14 @@ DmResult dm_readback_create(struct DmEngine engine, struct DmReadback *readback)
 DmResult dm_readback_record(struct DmReadback readback, VkCommandBuffer cmd, struct DmCrowd crowd, const uint32_t *instances, uint32_t count);
 DmResult dm_readback_pose(struct DmReadback readback, uint32_t at, uint32_t stream, float *values, size_t count);
 DmResult dm_readback_destroy(struct DmReadback readback);
-DmResult dm_crowd_set_decode_target(struct DmCrowd crowd, uint32_t instance, const struct DmDecodeTarget *target);
+DmResult dm_crowd_set_output_target(struct DmCrowd crowd, uint32_t instance, struct DmSkin skin, const struct DmOutputTarget *target);
 DmResult dm_surface_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmSurface *surface);
 DmResult dm_surface_destroy(struct DmSurface surface);
 DmResult dm_crowd_set_normals_target(struct DmCrowd crowd, uint32_t instance, struct DmSurface surface, const struct DmNormalsTarget *target);
 DmResult dm_skin_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, const struct DmSkinDesc *desc, struct DmSkin *skin);
 DmResult dm_skin_destroy(struct DmSkin skin);
-DmResult dm_crowd_set_skin_target(struct DmCrowd crowd, uint32_t instance, struct DmSkin skin, const struct DmSkinTarget *target);
 DmResult dm_crowd_set_joints(struct DmCrowd crowd, uint32_t instance, uint64_t offset);
-DmResult dm_crowd_skinned(struct DmCrowd crowd, uint32_t instance, struct DmSkinnedView *view);
+DmResult dm_crowd_output(struct DmCrowd crowd, uint32_t instance, struct DmOutputView *view);
 DmResult dm_weight_bounds_create(struct DmMesh mesh, const struct DmCrowdDesc *desc, struct DmWeightBounds *bounds);
 DmResult dm_weight_bounds_of(struct DmWeightBounds bounds, const float *weights, uint32_t count, float bound, float *least_and_greatest);
 DmResult dm_weight_bounds_destroy(struct DmWeightBounds bounds);

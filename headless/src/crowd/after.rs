@@ -2,25 +2,16 @@
 
 use super::HeadlessCrowd;
 use deltamorph::Result;
-use deltamorph::after::{DecodeTarget, GpuNormals, GpuSkin, NormalsTarget, SkinTarget};
+use deltamorph::after::{GpuNormals, NormalsTarget, OutputTarget};
 
 impl HeadlessCrowd<'_> {
-    /// See [`MorphEngine::set_decode_target`](deltamorph::MorphEngine::set_decode_target).
+    /// See [`MorphEngine::set_output_target`](deltamorph::MorphEngine::set_output_target).
     ///
     /// # Safety
     /// Those of the linked method. Stepped and submitted updates have finished.
-    pub unsafe fn set_decode_target(&mut self, instance: u32, target: Option<&DecodeTarget>) -> Result<()> {
+    pub unsafe fn set_output_target(&mut self, instance: u32, target: Option<&OutputTarget<'_>>) -> Result<()> {
         // SAFETY: the caller's obligations.
-        unsafe { self.headless.engine.set_decode_target(&mut self.crowd, instance, target) }
-    }
-
-    /// See [`MorphEngine::set_skin_target`](deltamorph::MorphEngine::set_skin_target).
-    ///
-    /// # Safety
-    /// Those of the linked method. Stepped and submitted updates have finished.
-    pub unsafe fn set_skin_target(&mut self, instance: u32, target: Option<(&GpuSkin, &SkinTarget)>) -> Result<()> {
-        // SAFETY: the caller's obligations.
-        unsafe { self.headless.engine.set_skin_target(&mut self.crowd, instance, target) }
+        unsafe { self.headless.engine.set_output_target(&mut self.crowd, instance, target) }
     }
 
     /// See [`MorphEngine::set_normals_target`](deltamorph::MorphEngine::set_normals_target).

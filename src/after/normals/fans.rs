@@ -39,7 +39,7 @@ pub(super) struct Fans {
 
 /// By piece: the pieces whose normals depend on its positions, as concatenated lists.
 #[derive(Clone, Debug)]
-pub(super) struct Spread {
+pub(in crate::after) struct Spread {
     ends: Vec<u32>,
     pieces: Vec<u32>,
 }

@@ -7,7 +7,7 @@ mod step;
 
 use crate::error::Result;
 use glam::DVec3;
-pub(crate) use step::Recomputed;
+pub(super) use step::Surface;
 pub use step::{GpuNormals, NormalsTarget};
 
 /// The surface of a mesh.

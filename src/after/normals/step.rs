@@ -2,18 +2,12 @@
 
 use super::NormalsDesc;
 use super::fans::{Fans, Spread};
-use crate::abi::modules::NORMALS;
-use crate::abi::push::NormalsPush;
 use crate::after::attached::Attached;
-use crate::after::output::Output;
-use crate::after::pieces::Pieces;
-use crate::after::step::{AfterStep, Bound, Job, PoseKernel, TargetContext};
-use crate::after::steps::After;
+use crate::after::pass::{Reads, TargetContext};
 use crate::error::Result;
 use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
 use crate::pack::PackedMesh;
-use crate::plan::steps::PostMorphPass;
 use ash::vk;
 use std::sync::Arc;
 
@@ -25,9 +19,9 @@ pub struct GpuNormals {
 }
 
 /// Shared by targets.
-struct Surface {
-    attached: Arc<Attached>,
-    spread: Spread,
+pub(in crate::after) struct Surface {
+    pub attached: Arc<Attached>,
+    pub spread: Spread,
 }
 
 impl GpuNormals {
@@ -48,6 +42,15 @@ impl GpuNormals {
         Ok(Self { surface: Arc::new(Surface { attached, spread }), staging: Some(upload) })
     }
 
+    /// What a pass reads of it.
+    ///
+    /// # Errors
+    /// A surface of another engine, mesh or packing.
+    pub(in crate::after) fn reads(&self, context: &TargetContext<'_>) -> Result<Reads> {
+        self.surface.attached.check("a surface", context.device, context.layout())?;
+        Ok(Reads::Surface(self.surface.clone()))
+    }
+
     /// Frees the staging memory. Call it when the upload has finished, or if it will never run:
     /// [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals) requires that.
     pub fn release_staging(&mut self) {
@@ -59,7 +62,7 @@ impl GpuNormals {
 /// [`MorphEngine::set_normals_target`](crate::MorphEngine::set_normals_target).
 ///
 /// Vertices are in pose-buffer order, without padding. Normals may be interleaved with decoded positions in one buffer
-/// ([`DecodeTarget`](crate::after::DecodeTarget) without normals).
+/// ([`OutputTarget`](crate::after::OutputTarget) without normals).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NormalsTarget {
     /// The output buffer, with storage buffer usage.
@@ -74,61 +77,5 @@ impl NormalsTarget {
     /// Contiguous normals of 12 bytes from the start of the buffer.
     pub fn new(buffer: vk::Buffer) -> Self {
         Self { buffer, offset: 0, stride: 12 }
-    }
-}
-
-pub(crate) struct Recomputed {
-    bound: Bound<PoseKernel>,
-    push: NormalsPush,
-    surface: Arc<Surface>,
-}
-
-impl Recomputed {
-    /// Sets the target of an instance.
-    ///
-    /// # Errors
-    /// An invalid target or surface; no memory. Nothing changes then.
-    pub fn set(
-        after: &mut After,
-        context: &TargetContext<'_>,
-        (GpuNormals { surface, .. }, target): (&GpuNormals, &NormalsTarget),
-    ) -> Result<()> {
-        let NormalsTarget { buffer, offset, stride } = *target;
-        let layout = &context.group.mesh.layout;
-        surface.attached.check("a surface", context.device, layout)?;
-        let output = Output { buffer, offset, stride, second: None };
-        context.check("normals of")?;
-        output.check("a normals target", layout, context.device)?;
-        after.set(context, PostMorphPass::Normals, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
-            let (range, normals_at) = output.range(layout);
-            let bound = |frame| [context.poses(), surface.attached.range(), lists.range(u64::from(frame)), range];
-            let bound: Vec<_> = (0..context.frames).map(bound).collect();
-            let [units, offset] = context.scale();
-            let push = NormalsPush {
-                units,
-                offset,
-                fans_at: surface.attached.words_at(),
-                normals_at,
-                stride: stride / 4,
-                vertices: layout.vertex_count as u32,
-                // The rest is of each dispatch.
-                ..Default::default()
-            };
-            let bound = Bound::new(context, PoseKernel(&NORMALS, context.pose()), &bound)?;
-            Ok(Self { bound, push, surface: surface.clone() })
-        })
-    }
-}
-
-impl AfterStep for Recomputed {
-    fn spread(&self, changed: &Pieces, written: &mut Pieces) {
-        self.surface.spread.of(changed, written);
-    }
-
-    unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
-        let pose_at = self.bound.pose_at(job);
-        let push = NormalsPush { pose_at, count: job.count, listed: job.is_listed.into(), ..self.push };
-        // SAFETY: the caller's obligations; the list was made for this frame.
-        unsafe { self.bound.dispatch(cmd, job, job.frame as usize, &push) };
     }
 }

@@ -4,9 +4,9 @@ use super::{SkinDesc, SkinMethod};
 use crate::error::{Result, ensure};
 use glam::{DMat3, DQuat, DVec3};
 
-/// Skins a pose in double precision: the reference of [`SkinTarget`](crate::after::SkinTarget). `pose` and the result
-/// have six numbers per vertex in the user's order, as from [`evaluate`](crate::reference::evaluate). Normals of the
-/// result have unit length, or are 0 if the pose's are. `joints` in the layout of `method`.
+/// Skins a pose in double precision: the reference of outputs with [`Joints`](crate::after::Joints). `pose` and the
+/// result have six numbers per vertex in the user's order, as from [`evaluate`](crate::reference::evaluate). Normals of
+/// the result have unit length, or are 0 if the pose's are. `joints` in the layout of `method`.
 ///
 /// # Errors
 /// A skin that [`upload_skin`](crate::MorphEngine::upload_skin) rejects; too few joints.

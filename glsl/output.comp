@@ -1,54 +1,33 @@
-// Skins a pose into a host buffer: positions and, if it has room for them, normals of unit length. A lane processes a
-// vertex, PIECE lanes a piece of the list. Float64: src/after/skin/reference.rs.
+// Writes a pose as float32 into a buffer of the application: positions and, if it has room for them, normals. With SKIN
+// they are skinned by joints, with DUAL by dual quaternions; then normals have unit length. CPU twin:
+// PoseFormat::decode. Float64: src/after/skin/reference.rs.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "abi.glsl"
 
-layout(local_size_x = WORKGROUP) in;
+#ifdef SKIN
 layout(constant_id = 0) const uint INFLUENCES = 4u;
-
 #define OFFSETS_ID 1
-#include "vertex_offsets.glsl"
-#define POSES_BINDING 0
-#include "pose.glsl"
-// For each vertex its joints, two to a word, and their weights, the largest first.
-layout(set = 0, binding = 1, std430) readonly buffer Influences { uint influences[]; };
-// A matrix has three rows, a dual quaternion a real and a dual part: (x, y, z, w).
-layout(set = 0, binding = 2, std430) readonly buffer Joints { vec4 joints[]; };
-layout(set = 0, binding = 3, std430) writeonly buffer Skinned { float skinned[]; };
-layout(set = 0, binding = 4) uniform utextureBuffer pieces;
-
-layout(push_constant) uniform Push {
-    vec4 units;       // input units per number of a position; in w, of a normal
-    vec4 offset;      // the position of number 0
-    uint pose_at;     // index of the pose's first number
-    uint joints_at;   // index of the first joint's first vector
-    uint skinned_at;  // index of the first position
-    uint stride;      // words from vertex to vertex
-    uint normal_at;   // words from a position to its normal; 0: there is none
-    uint vertices;
-    uint count;       // pieces to write
-    uint listed;      // 1: those of the list; 0: the first ones
-};
-#define PIECE_AT(i) texelFetch(pieces, int(i)).x
+#else
+#define OFFSETS_ID 0
+#endif
 #include "after.glsl"
 
+#ifdef SKIN
+// For each vertex its joints, two to a word, and their weights, the largest first.
+layout(set = 0, binding = 3, std430) readonly buffer Influences { uint influences[]; };
+// A matrix has three rows, a dual quaternion a real and a dual part: (x, y, z, w). The first is reads_at.
+layout(set = 0, binding = 4, std430) readonly buffer Joints { vec4 joints[]; };
 #ifdef DUAL
 const uint JOINT = 2u;
 #else
 const uint JOINT = 3u;
 #endif
 
-void store(uint at, vec3 value) {
-    skinned[at] = value.x;
-    skinned[at + 1u] = value.y;
-    skinned[at + 2u] = value.z;
-}
-
 // Returns the index of the first vector of an influence's joint.
 uint joint_at(uint skin, uint i) {
-    return joints_at + JOINT * bitfieldExtract(influences[skin + i / 2u], int(i % 2u) * 16, 16);
+    return reads_at + JOINT * bitfieldExtract(influences[skin + i / 2u], int(i % 2u) * 16, 16);
 }
 
 float weight_of(uint skin, uint i) {
@@ -61,11 +40,7 @@ vec3 direction(vec3 normal) {
     return length2 > 0.0 ? normal * inversesqrt(length2) : normal;
 }
 
-void main() {
-    uint vertex = vertex_of_lane();
-    if (vertex >= vertices) {
-        return;
-    }
+void load_skinned(uint vertex, out vec3 position, out vec3 normal) {
     uint skin = (INFLUENCES + INFLUENCES / 2u) * vertex;
 #ifdef DUAL
     // Kavan et al., "Geometric Skinning with Approximate Dual Quaternion Blending" (2008), algorithm 1. A quaternion
@@ -103,10 +78,7 @@ void main() {
     }
 #endif
     // Loaded after the loop, which needs the registers.
-    ADDEND moved_position, moved_normal;
-    LOAD_VERTEX(poses, pose_at + VERTEX_NUMBERS * vertex, moved_position, moved_normal)
-    vec3 position = offset.xyz + vec3(moved_position) * units.xyz;
-    vec3 normal = vec3(moved_normal) * units.w;
+    load(vertex, position, normal);
 #ifdef DUAL
     position += 2.0 * cross(real.xyz, cross(real.xyz, position) + real.w * position);
     position += 2.0 * (real.w * dual.xyz - dual.w * real.xyz + cross(real.xyz, dual.xyz));
@@ -119,9 +91,24 @@ void main() {
     float mirrored = dot(x.xyz, yz) < 0.0 ? -1.0 : 1.0;
     normal = mirrored * vec3(dot(yz, normal), dot(cross(z.xyz, x.xyz), normal), dot(cross(x.xyz, y.xyz), normal));
 #endif
-    uint to = skinned_at + stride * vertex;
+    normal = direction(normal);
+}
+#endif
+
+void main() {
+    uint vertex = vertex_of_lane();
+    if (vertex >= vertices) {
+        return;
+    }
+    vec3 position, normal;
+#ifdef SKIN
+    load_skinned(vertex, position, normal);
+#else
+    load(vertex, position, normal);
+#endif
+    uint to = written_at + stride * vertex;
     store(to, position);
     if (normal_at != 0u) {
-        store(to + normal_at, direction(normal));
+        store(to + normal_at, normal);
     }
 }

@@ -1,0 +1,227 @@
+//! The device side of a post-morph pass of one instance: its kernel, what it binds, and its push constants.
+
+use super::normals::Surface;
+use super::output::Output;
+use super::pieces::Pieces;
+use super::skin::{SkinMethod, Skinned};
+use crate::abi::modules::{Kernel, NORMALS, OUTPUT, OUTPUT_DUAL, OUTPUT_SKIN};
+use crate::abi::numbers::{PIECE, WORKGROUP};
+use crate::abi::push::AfterPush;
+use crate::asset::streams::TRIPLE;
+use crate::error::{Result, ensure};
+use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::device::Device;
+use crate::gpu::memory::Ring;
+use crate::gpu::pipelines::{Kernels, Objects, PipelineKey, Pipelines, Workgroups};
+use crate::pack::vertex::OffsetConstants;
+use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
+use crate::update::technique::PoseGroup;
+use ash::vk;
+use bytemuck::bytes_of;
+use std::sync::Arc;
+
+/// A dispatch of a pass.
+pub(super) struct Job {
+    /// Index in the ring of lists.
+    pub frame: u64,
+    pub slot: u32,
+    /// Index of the output buffer.
+    pub output: usize,
+    /// Number of pieces.
+    pub count: u32,
+    /// They are the list's; otherwise the first ones.
+    pub is_listed: bool,
+}
+
+/// What a pass reads beside poses.
+pub(super) enum Reads {
+    Nothing,
+    Skin(Skinned),
+    Surface(Arc<Surface>),
+}
+
+impl Reads {
+    /// The kernel, and the influences of each vertex.
+    fn kernel(&self) -> (&'static Kernel, u32) {
+        match self {
+            Self::Nothing => (&OUTPUT, 0),
+            Self::Surface(_) => (&NORMALS, 0),
+            Self::Skin(skin) => match skin.method {
+                SkinMethod::Linear => (&OUTPUT_SKIN, skin.influences),
+                SkinMethod::DualQuaternion => (&OUTPUT_DUAL, skin.influences),
+            },
+        }
+    }
+
+    fn ranges(&self) -> Vec<BufferRange> {
+        match self {
+            Self::Nothing => vec![],
+            Self::Skin(skin) => vec![skin.attached.range(), skin.joints],
+            Self::Surface(surface) => vec![surface.attached.range()],
+        }
+    }
+
+    /// Index of the first vector of joints, or of the first word of fans.
+    fn at(&self) -> u32 {
+        match self {
+            Self::Nothing => 0,
+            Self::Skin(skin) => skin.joints_at,
+            Self::Surface(surface) => surface.attached.words_at(),
+        }
+    }
+
+    /// Adds to `written` the pieces to write when the pieces `changed` of the pose changed.
+    pub fn spread(&self, changed: &Pieces, written: &mut Pieces) {
+        match self {
+            Self::Surface(surface) => surface.spread.of(changed, written),
+            Self::Nothing | Self::Skin(_) => written.add_all(changed),
+        }
+    }
+
+    /// Whether anything but the pose changed since the last call, so that everything is to be written.
+    pub fn take_changed(&mut self) -> bool {
+        match self {
+            Self::Skin(skin) => std::mem::take(&mut skin.is_moved),
+            Self::Nothing | Self::Surface(_) => false,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq)]
+struct Key {
+    kernel: &'static Kernel,
+    pose: PoseFormat,
+    influences: u32,
+    /// Component offsets in host vertices; `None`: the kernel's defaults.
+    offsets: Option<OffsetConstants>,
+}
+
+impl PipelineKey for Key {
+    fn make(self, objects: &mut Objects) -> Result<()> {
+        let Self { kernel, pose, influences, offsets } = self;
+        objects.add_layout(&[kernel.row], 0)?;
+        let own = &[influences][..kernel.row.constants as usize];
+        let offsets = offsets.as_ref().map_or(&[][..], |offsets| offsets);
+        // Passes read no deltas: the module is the same for every delta format.
+        let module = kernel.module(DeltaFormat::Float32.row(), pose.row(), 0)?;
+        objects.add_compute(module, &[&[own, offsets].concat()])
+    }
+}
+
+pub(super) struct Pass {
+    kernel: Arc<Pipelines<Key>>,
+    /// By list and output buffer.
+    sets: Sets,
+    pub outputs: Vec<Output>,
+    pub reads: Reads,
+    push: AfterPush,
+    /// Numbers per pose, padding included.
+    pose_numbers: u32,
+}
+
+impl Pass {
+    /// A pass with lists of pieces in `lists`, and one or two output buffers of the same layout.
+    pub fn new(context: &TargetContext<'_>, lists: &Ring, outputs: Vec<Output>, reads: Reads) -> Result<Self> {
+        let layout = context.layout();
+        let poses = context.group.poses;
+        let (kernel, influences) = reads.kernel();
+        let offsets = poses.offset_constants();
+        let kernel = context.kernels.get(Key { kernel, pose: poses.format, influences, offsets })?;
+        let list = |frame| BufferRange { size: 4 * u64::from(context.pieces()), ..lists.range(frame) };
+        let set = |frame, output: &Output| {
+            let own = [context.poses(), list(frame), output.range(layout)];
+            own.into_iter().chain(reads.ranges()).collect::<Vec<_>>()
+        };
+        let frames = 0..u64::from(context.frames);
+        let bound: Vec<_> = frames.flat_map(|frame| outputs.iter().map(move |output| set(frame, output))).collect();
+        let [[x, y, z, normal, ..], [a, b, c, ..]] = poses.scale();
+        let push = AfterPush {
+            units: [x, y, z, normal],
+            offset: [a, b, c, 0.0],
+            stride: outputs[0].stride / 4,
+            normal_at: outputs[0].second.unwrap_or(0) / 4,
+            vertices: layout.vertex_count as u32,
+            // The rest is of each dispatch.
+            ..Default::default()
+        };
+        Ok(Self { sets: kernel.objects.sets(&bound)?, kernel, outputs, reads, push, pose_numbers: poses.numbers() })
+    }
+
+    /// The skin, if it has one.
+    pub fn skin(&mut self) -> Option<&mut Skinned> {
+        match &mut self.reads {
+            Reads::Skin(skin) => Some(skin),
+            Reads::Nothing | Reads::Surface(_) => None,
+        }
+    }
+
+    /// Records a dispatch.
+    ///
+    /// # Safety
+    /// See [`Technique::record`](crate::update::technique::Technique::record); the target's buffers live until it has
+    /// finished.
+    pub unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
+        let push = AfterPush {
+            pose_at: job.slot * self.pose_numbers,
+            written_at: self.outputs[job.output].first_word(),
+            reads_at: self.reads.at(),
+            count: job.count,
+            listed: job.is_listed.into(),
+            ..self.push
+        };
+        let workgroups = Workgroups::Of([job.count.div_ceil(WORKGROUP / PIECE), 1]);
+        let set = self.sets.get(job.frame as usize * self.outputs.len() + job.output);
+        // SAFETY: the caller's obligations; the list was made for this frame, and the set for this layout.
+        unsafe { self.kernel.objects.dispatch(cmd, 0, (set, &[]), bytes_of(&push), workgroups) };
+    }
+}
+
+pub(crate) struct TargetContext<'a> {
+    pub device: &'a Arc<Device>,
+    pub kernels: &'a Kernels,
+    /// The group of positions and normals.
+    pub group: &'a PoseGroup,
+    pub frames: u32,
+    pub instance: u32,
+}
+
+impl TargetContext<'_> {
+    pub(super) fn layout(&self) -> &PackedLayout {
+        &self.group.mesh.layout
+    }
+
+    /// Pieces of the mesh.
+    pub(super) fn pieces(&self) -> u32 {
+        (self.layout().vertex_count as u32).div_ceil(PIECE)
+    }
+
+    /// All slots of the instance.
+    fn poses(&self) -> BufferRange {
+        self.group.poses.range(self.instance, 1)
+    }
+
+    /// Checks outputs and the room for joints; poses against the storage range; and pieces against the device's texels
+    /// and workgroups. `what` names the target in errors.
+    pub(super) fn check(&self, what: &str, outputs: &[Output], reads: &Reads) -> Result<()> {
+        let caps = &self.device.caps;
+        let poses = &self.group.poses;
+        let name = &self.layout().name;
+        let normals = outputs.iter().any(|output| output.second.is_some());
+        let fits = !normals || poses.offsets.bytes(poses.format)[TRIPLE].is_some();
+        let text = format!("normals of mesh '{name}' in {what}, which the host's vertices do not have");
+        ensure!(fits, text, "add Semantic::Normal to the VertexLayout, or use a target without normals");
+        let of = format!("{what} for mesh '{name}':");
+        let limit = (self.poses().size, "bytes", caps.max_storage_range);
+        caps.check_limit(&format!("{of} the slots of one instance take"), limit, "use fewer slots")?;
+        let texels = (self.pieces().into(), "texels", caps.max_texels.into());
+        caps.check_limit(&format!("{of} its list takes"), texels, "split the mesh")?;
+        let workgroups = self.pieces().div_ceil(WORKGROUP / PIECE);
+        let limit = (workgroups.into(), "workgroups", caps.max_workgroups.into());
+        caps.check_limit(&format!("{of} it takes"), limit, "split the mesh")?;
+        outputs.iter().try_for_each(|output| output.check(what, self.layout(), self.device))?;
+        match reads {
+            Reads::Skin(skin) => skin.joints.check_room(self.device, &format!("{of} the range of joints")),
+            Reads::Nothing | Reads::Surface(_) => Ok(()),
+        }
+    }
+}
