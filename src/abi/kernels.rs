@@ -104,10 +104,7 @@ pub struct KernelRow {
     pub bindings: &'static [Binding],
     /// Bindings that may alias another one: decorated Aliased.
     pub aliased: &'static [u32],
-    /// Structure of its push constants, in [`push`](super::push). Empty if it has none; with [`Takes::DenseBatches`],
-    /// if they are one coefficient per target.
-    pub push: &'static str,
-    /// Bytes of push constants whose structure is in the package of the technique, in place of `push`.
+    /// Bytes of its push constants; with [`Takes::DenseBatches`] they follow from the targets.
     pub push_bytes: u32,
     /// Number of its own specialization constants, from 0 on.
     pub constants: u32,
@@ -146,7 +143,6 @@ const VERTEX: KernelRow = KernelRow {
     poses: false,
     bindings: &[],
     aliased: &[],
-    push: "",
     push_bytes: 0,
     constants: 0,
     offsets: false,
@@ -158,7 +154,7 @@ const OUTPUT: KernelRow = KernelRow {
     name: "output",
     poses: true,
     bindings: &[(0, WORDS), (1, WORD_LIST), (2, WORDS)],
-    push: "AfterPush",
+    push_bytes: 64,
     offsets: true,
     ..COMPUTE
 };
@@ -170,14 +166,14 @@ const SKINNED: KernelRow = KernelRow {
 };
 /// Tables, state, work list, control: see animation.glsl.
 const ANIMATION: KernelRow =
-    KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push: "AnimationPush", ..COMPUTE };
+    KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push_bytes: 116, ..COMPUTE };
 /// Source, destination, deltas. The set's fourth buffer is for `dense_list`.
 const DENSE: KernelRow = KernelRow {
     name: "dense",
     takes: Takes::Dense,
     bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas)],
     aliased: &[0, 1],
-    push: "DensePush",
+    push_bytes: 116,
     constants: 1,
     ..COMPUTE
 };
@@ -189,7 +185,7 @@ const CROWD: KernelRow = KernelRow {
     takes: Takes::Blocks,
     poses: true,
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-    push: "BlocksPush",
+    push_bytes: 32,
     constants: 5,
     offsets: true,
     ..COMPUTE
@@ -226,7 +222,7 @@ pub const KERNELS: &[KernelRow] = &[
     // Measurements.
     KernelRow { name: "consume", poses: true, ..VERTEX },
     KernelRow { name: "consume_position", poses: true, ..VERTEX },
-    KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
+    KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push_bytes: 8, ..COMPUTE },
     // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that
     // sample 32 targets; the widest tile.
     KernelRow { name: "animate", constants: 1, ..ANIMATION },
@@ -243,7 +239,7 @@ pub const KERNELS: &[KernelRow] = &[
     KernelRow {
         name: "dense_list",
         bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(12))],
-        push: "DenseListPush",
+        push_bytes: 12,
         constants: 0,
         ..DENSE
     },

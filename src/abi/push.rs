@@ -1,7 +1,6 @@
 //! Push constants and coefficient lists, in the layout that shaders declare.
 
 use super::formats::FormatRow;
-use super::kernels::{KERNELS, KernelRow};
 use super::numbers::DENSE_BATCH_MAX;
 use crate::asset::streams::TRIPLES;
 
@@ -27,19 +26,9 @@ macro_rules! shader_structure {
     };
 }
 
-/// Structures of words, with the names and offsets of their members, which tests compare with the shaders.
-macro_rules! structures {
-    ($($(#[$doc:meta])* pub struct $name:ident $members:tt)*) => {
-        $(shader_structure! { $(#[$doc])* $name $members })*
-
-        /// The structures by name.
-        const STRUCTURES: &[(&str, Layout)] = &[$((stringify!($name), $name::LAYOUT)),*];
-    };
-}
-
-structures! {
+shader_structure! {
     /// Push constants of `dense.comp`.
-    pub struct DensePush {
+    DensePush {
         /// Vertices of the chunk: the length of a target's row.
         chunk_vertices: u32,
         /// Coefficients of positions, in quantised units.
@@ -49,26 +38,32 @@ structures! {
         /// log2 of normal step / position step, four signed bytes per word.
         normal_exponents: [u32; DENSE_BATCH_MAX as usize / 4],
     }
+}
 
+shader_structure! {
     /// Push constants of `dense_list.comp`.
-    pub struct DenseListPush {
+    DenseListPush {
         /// Vertices of the chunk: the length of a target's row.
         chunk_vertices: u32,
         first_entry: u32,
         entry_count: u32,
     }
+}
 
+shader_structure! {
     /// An entry of the coefficient list of `dense_list.comp`.
-    pub struct DenseListEntry {
+    DenseListEntry {
         target: u32,
         /// Coefficient of positions, in quantised units.
         coefficient: f32,
         /// Coefficient of normals, in quantised units.
         normal_coefficient: f32,
     }
+}
 
+shader_structure! {
     /// Push constants of `crowd.comp`.
-    pub struct BlocksPush {
+    BlocksPush {
         /// First word of the first item in the work list.
         first_item: u32,
         /// Word offset of deltas in the asset, which begins with headers.
@@ -84,17 +79,21 @@ structures! {
         /// Poses of 16 bits: left shift of products to 2^-16 of units, by triple.
         raised: [u32; TRIPLES],
     }
+}
 
+shader_structure! {
     /// Push constants of `read.comp`.
-    pub struct ReadPush {
+    ReadPush {
         /// Number of 16-byte vectors to read.
         count: u32,
         /// Number of invocations.
         stride: u32,
     }
+}
 
+shader_structure! {
     /// Push constants of the kernels of animation on the GPU, described in `glsl/animation.glsl`.
-    pub struct AnimationPush {
+    AnimationPush {
         now: u32,
         instances: u32,
         targets: u32,
@@ -127,9 +126,11 @@ structures! {
         /// Items per workgroup.
         workgroup_items: u32,
     }
+}
 
+shader_structure! {
     /// Push constants of post-morph passes, described in `glsl/after.glsl`.
-    pub struct AfterPush {
+    AfterPush {
         units: [f32; 4],
         offset: [f32; 4],
         pose_at: u32,
@@ -143,40 +144,20 @@ structures! {
     }
 }
 
-impl KernelRow {
-    /// Names and offsets of the members of its push constants, and their size in bytes. No members are known of a
-    /// structure outside the library; vertex passes have none here: see [`attribute_push_bytes`].
-    pub const fn push_members(&self) -> Layout {
-        let mut at = 0;
-        while !self.push.is_empty() {
-            let (name, layout) = STRUCTURES[at];
-            if matches(name.as_bytes(), self.push.as_bytes()) {
-                return layout;
-            }
-            at += 1;
-        }
-        (&[], self.push_bytes as usize)
-    }
-}
-
-const fn matches(mut a: &[u8], mut b: &[u8]) -> bool {
-    while let ([x, rest_of_a @ ..], [y, rest_of_b @ ..]) = (a, b) {
-        if *x != *y {
-            return false;
-        }
-        (a, b) = (rest_of_a, rest_of_b);
-    }
-    a.is_empty() && b.is_empty()
-}
-
-// A row that names a missing structure does not compile.
-const _: () = {
-    let mut row = 0;
-    while row < KERNELS.len() {
-        KERNELS[row].push_members();
-        row += 1;
-    }
-};
+/// Push constants by kernel, which tests compare with the shaders; those of vertex passes follow from their targets.
+pub const PUSH_CONSTANTS: &[(&str, Layout)] = &[
+    ("read", ReadPush::LAYOUT),
+    ("animate", AnimationPush::LAYOUT),
+    ("plan", AnimationPush::LAYOUT),
+    ("plan_together", AnimationPush::LAYOUT),
+    ("arguments", AnimationPush::LAYOUT),
+    ("dense", DensePush::LAYOUT),
+    ("dense_list", DenseListPush::LAYOUT),
+    ("crowd", BlocksPush::LAYOUT),
+    ("crowd_texels", BlocksPush::LAYOUT),
+    ("output", AfterPush::LAYOUT),
+    ("normals", AfterPush::LAYOUT),
+];
 
 /// Bytes of push constants of a vertex pass over `batch` targets: a float each and, if the format has exponents, a
 /// signed byte each, padded to words.

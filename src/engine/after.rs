@@ -132,12 +132,15 @@ impl MorphEngine {
         set: impl FnOnce(&mut After, &TargetContext<'_>, T) -> Result<()>,
     ) -> Result<()> {
         crowd.check_device(&self.device)?;
-        crowd.set_after(&self.kernels, instance, |after, context| match target {
-            Some(target) => set(after, context, target),
-            None => {
-                after.unset(kind, instance);
-                Ok(())
-            }
-        })
+        crowd.instances.check(instance)?;
+        crowd.check_has_poses()?;
+        let Crowd { after, groups, steps, desc, .. } = crowd;
+        let (device, kernels, group, frames) = (&self.device, &self.kernels, &groups[0], desc.frames_in_flight);
+        match target {
+            Some(target) => set(after, &TargetContext { device, kernels, group, frames, instance }, target)?,
+            None => after.unset(kind, instance),
+        }
+        steps.read_besides(after.outputs());
+        Ok(())
     }
 }

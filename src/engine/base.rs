@@ -3,7 +3,7 @@
 use super::poses;
 use super::upload::GpuMesh;
 use super::views::PoseView;
-use crate::after::{After, TargetContext};
+use crate::after::After;
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::crowd::crowd_methods;
 use crate::error::{Error, Result, ensure};
@@ -16,7 +16,6 @@ use crate::plan::UpdateStats;
 use crate::plan::instances::{InstanceState, Instances, OutputChange, check_weight, check_weights};
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Owner, Resource, Steps, Use, Work};
-use crate::update::animated::Animated;
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique::{Context, PoseDraws, PoseGroup, Technique, UpdateId};
 use ash::vk;
@@ -78,45 +77,21 @@ pub struct Crowd {
     /// The host's queries that are left for the next update: pool, first and number.
     pub(super) queries: Option<(vk::QueryPool, u32, u32)>,
     // Dropped before the buffers that its descriptor sets reference.
-    pub(super) updater: Updater,
+    pub(super) technique: Box<dyn Technique>,
     _poses: Vec<Buffer>,
-}
-
-/// What updates poses.
-pub(super) enum Updater {
-    /// The technique of the path, to the weights that the host sets.
-    Weights(Box<dyn Technique>),
-    /// Clips that the device plays.
-    Clips(Box<Animated>),
-}
-
-impl Updater {
-    fn technique(&self) -> &dyn Technique {
-        match self {
-            Self::Weights(technique) => &**technique,
-            Self::Clips(animated) => &**animated,
-        }
-    }
-
-    pub(super) fn technique_mut(&mut self) -> &mut dyn Technique {
-        match self {
-            Self::Weights(technique) => &mut **technique,
-            Self::Clips(animated) => &mut **animated,
-        }
-    }
 }
 
 impl Crowd {
     crowd_methods!();
 
-    /// Creates a crowd with requested weights for `targets` targets; `make` makes what updates them.
+    /// Creates a crowd with requested weights for `targets` targets; `make` makes the technique.
     pub(super) fn on_device(
         device: &Arc<Device>,
         kernels: &Kernels,
         mesh: &GpuMesh,
         desc: &CrowdDesc,
         targets: usize,
-        make: impl FnOnce(Context<'_>) -> Result<Updater>,
+        make: impl FnOnce(Context<'_>) -> Result<Box<dyn Technique>>,
     ) -> Result<Self> {
         static CROWDS: AtomicU64 = AtomicU64::new(0);
         let instances = desc.instances;
@@ -127,7 +102,7 @@ impl Crowd {
         let (groups, buffers) = poses::make(device, mesh, desc)?;
         let mesh = &groups[0].mesh;
         let poses = groups[0].poses;
-        let updater = make(Context { device, kernels, mesh, desc, poses, all: &groups })?;
+        let technique = make(Context { device, kernels, mesh, desc, poses, all: &groups })?;
         Ok(Self {
             instances: Instances::new(instances as usize, targets, slots, frames),
             updates: 0,
@@ -143,7 +118,7 @@ impl Crowd {
             recorded: 0,
             discarded: vec![],
             queries: None,
-            updater,
+            technique,
             _poses: buffers,
         })
     }
@@ -158,7 +133,7 @@ impl Crowd {
     }
 
     pub(super) fn parts(&mut self) -> (&mut Instances, &mut dyn InstanceState) {
-        (&mut self.instances, self.updater.technique_mut().state())
+        (&mut self.instances, self.technique.state())
     }
 
     fn change_outputs(&mut self, instance: u32, change: OutputChange) {
@@ -168,7 +143,7 @@ impl Crowd {
     /// The technique that plans and records updates.
     #[doc(hidden)]
     pub fn technique(&self) -> &dyn Technique {
-        self.updater.technique()
+        &*self.technique
     }
 
     /// Checks that the crowd was created on this device.
@@ -205,7 +180,7 @@ impl Crowd {
         }
         self.discarded.push(first..=self.updates);
         self.instances.discard_from(update);
-        self.updater.technique_mut().discard_from(ticket.id);
+        self.technique.discard_from(ticket.id);
         self.after.discard_from(update);
         self.recorded = self.recorded.min(ticket.id.recorded);
         Ok(())
@@ -295,21 +270,6 @@ impl Crowd {
         PoseView::new(&self.groups[group].poses, instance, slot)
     }
 
-    /// Changes the targets of post-morph passes of an instance with `set`.
-    pub(super) fn set_after(
-        &mut self,
-        kernels: &Kernels,
-        instance: u32,
-        set: impl FnOnce(&mut After, &TargetContext<'_>) -> Result<()>,
-    ) -> Result<()> {
-        self.instances.check(instance)?;
-        self.check_has_poses()?;
-        let Self { after, groups, steps, desc, device, .. } = self;
-        set(after, &TargetContext { device, kernels, group: &groups[0], frames: desc.frames_in_flight, instance })?;
-        steps.read_besides(after.outputs());
-        Ok(())
-    }
-
     /// Names of the steps of the update recorded last, in order: of its path (`blocks`, `compute`, …; crowds animated
     /// on the GPU have a name for each step), then of [post-morph passes](crate::after). None if nothing was
     /// recorded. Labels ([`DeviceDesc::debug_names`](crate::DeviceDesc::debug_names)) have these names.
@@ -384,18 +344,18 @@ impl Crowd {
     /// Plans an update and advances the state. If it fails, call [`discard_last`](Self::discard_last).
     pub(super) fn plan(&mut self) -> Result<Update> {
         self.updates += 1;
-        let Self { instances, updater, after, steps, wrote, last, desc, recorded, .. } = self;
+        let Self { instances, technique, after, steps, wrote, last, desc, recorded, .. } = self;
         steps.clear();
         // Reuses the lists of the update `frames_in_flight` before it.
         let frame = (*recorded + 1) % u64::from(desc.frames_in_flight);
         let id = UpdateId { update: self.updates, recorded: *recorded, frame };
         *last = Some(id);
-        let stats = updater.technique_mut().plan(instances, id, steps)?;
+        let stats = technique.plan(instances, id, steps)?;
         if !steps.is_empty() {
             wrote.clear();
             wrote.extend(steps.uses());
         }
-        after.plan(updater.technique_mut(), instances, id, wrote, steps)?;
+        after.plan(&mut **technique, instances, id, wrote, steps)?;
         *recorded += u64::from(!steps.is_empty());
         Ok(Update { ticket: Ticket { crowd: self.number, id }, stats, timestamps: self.timestamps()? })
     }

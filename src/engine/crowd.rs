@@ -1,14 +1,15 @@
 //! What hosts read of crowds on a device, and what crowds that play clips are told.
 
-use super::base::{Crowd, Updater};
+use super::base::Crowd;
 use super::poses;
 use super::views::{PoseBuffer, PoseView, StreamView};
 use crate::after::OutputView;
 use crate::asset::streams::Semantic;
-use crate::error::{Result, refuse};
+use crate::error::{Error, Result};
 use crate::pack::PackedMesh;
 use crate::update::animated::{Animated, Clips, Playback};
 use crate::update::crowd::CrowdDesc;
+use std::any::Any;
 
 impl Crowd {
     /// Bytes of device memory for the poses of a crowd, in all groups of the mesh and in engine-owned or host buffers
@@ -135,7 +136,7 @@ impl Crowd {
     /// Frees the staging memory. Call it when the upload has finished, or if it will never run:
     /// [`create_animated_crowd`](super::MorphEngine::create_animated_crowd) requires that.
     pub fn release_staging(&mut self) {
-        if let Updater::Clips(animated) = &mut self.updater {
+        if let Ok(animated) = self.animated_mut() {
             animated.staging = None;
         }
     }
@@ -148,16 +149,13 @@ impl Crowd {
     /// What the device samples and plans with.
     #[doc(hidden)]
     pub fn animated(&self) -> Option<&Animated> {
-        match &self.updater {
-            Updater::Clips(animated) => Some(animated),
-            Updater::Weights(_) => None,
-        }
+        let technique: &dyn Any = &*self.technique;
+        technique.downcast_ref()
     }
 
     fn animated_mut(&mut self) -> Result<&mut Animated> {
-        match &mut self.updater {
-            Updater::Clips(animated) => Ok(animated),
-            Updater::Weights(_) => refuse("a crowd that plays no clips", "make it with create_animated_crowd"),
-        }
+        let technique: &mut dyn Any = &mut *self.technique;
+        let none = || Error::invalid("a crowd that plays no clips", "make it with create_animated_crowd");
+        technique.downcast_mut().ok_or_else(none)
     }
 }

@@ -52,7 +52,7 @@ impl Crowd {
     #[doc(hidden)]
     pub fn begin_at(&mut self, updates: u64) {
         (self.updates, self.recorded) = (updates, updates);
-        self.updater.technique_mut().begin_at(updates);
+        self.technique.begin_at(updates);
     }
 
     /// See [`Technique::sums`](crate::update::technique::Technique::sums).

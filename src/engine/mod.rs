@@ -28,9 +28,8 @@ use crate::update::Runner;
 use crate::update::animated::{Animated, AnimationDesc, Clips};
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique;
-use crate::update::technique::Techniques;
+use crate::update::technique::{Context, Techniques};
 use ash::vk;
-use base::Updater;
 use std::sync::{Arc, OnceLock};
 
 /// The engine: the host's device, and a cache of pipelines.
@@ -150,9 +149,8 @@ impl MorphEngine {
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
-        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, |context| {
-            Ok(Updater::Weights(technique(context, self.others.get().copied())?))
-        })
+        let make = |context: Context<'_>| technique(context, self.others.get().copied());
+        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, make)
     }
 
     fn check_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc, runner: Runner<'_>) -> Result<()> {
@@ -219,7 +217,7 @@ impl MorphEngine {
                 "use fewer frames or 16-bit keys",
             )?;
             let clips = Clips::new(animation, context.layout(), context.grid())?;
-            Ok(Updater::Clips(Box::new(Animated::new(context, clips)?)))
+            Ok(Box::new(Animated::new(context, clips)?))
         })?;
         if let Some(animated) = crowd.animated() {
             // SAFETY: the caller's obligations.

@@ -69,8 +69,7 @@ impl Objects {
         // SAFETY: the device is alive; the bindings are distinct.
         self.set_layout = unsafe { self.device.raw.create_descriptor_set_layout(&info, None) }
             .map_err(Error::vulkan("vkCreateDescriptorSetLayout"))?;
-        let push_bytes =
-            kernels.iter().map(|kernel| kernel.push_members().1 as u32).fold(attribute_push_bytes, u32::max);
+        let push_bytes = kernels.iter().map(|kernel| kernel.push_bytes).fold(attribute_push_bytes, u32::max);
         let push = [vk::PushConstantRange::default().stage_flags(stage).size(push_bytes)];
         let sets = [self.set_layout];
         let push = &push[..usize::from(push_bytes > 0)];

@@ -4,7 +4,7 @@ use crate::abi::kernels::batch_max;
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::{Error, Result, ensure, refuse};
-use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps, Requirement, TransformFeedbackCaps};
+use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps, Requirement};
 use crate::pack::{DeltaFormat, PackedLayout};
 use crate::plan::paths::{Batch, Needs};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
@@ -195,30 +195,32 @@ impl DeviceCaps {
     /// # Errors
     /// [`Error::Unsupported`] with the missing extension, feature or limit, and an alternative.
     pub fn check_path(&self, path: UpdatePath) -> Result<()> {
-        let (is_there, reason, remedy) = match (path.row().needs, self.transform_feedback) {
-            (Needs::Nothing, _) => return Ok(()),
-            (Needs::VertexStores, _) => {
-                let lacks =
-                    "the feature vertexPipelineStoresAndAtomics, which the device lacks or the host did not enable";
-                (self.vertex_stores, format!("needs {lacks}"), "use the path 'compute', which needs no feature")
+        let most = self.transform_feedback.map(|feedback| feedback.max_stride);
+        let workgroup = self.max_workgroup_invocations;
+        let (is_there, reason, remedy) = match path.row().needs {
+            Needs::Nothing => return Ok(()),
+            Needs::VertexStores => {
+                let lacks = "needs the feature vertexPipelineStoresAndAtomics, which the device lacks or the host did \
+                             not enable";
+                (self.vertex_stores, lacks.into(), "use the path 'compute', which needs no feature")
             }
-            (Needs::TransformFeedback, None) => {
-                let reason = "the device has no VK_EXT_transform_feedback, or it was not enabled";
-                (false, reason.into(), "use the path 'compute', which needs no extension")
+            Needs::TransformFeedback => {
+                let reason = match most {
+                    None => "the device has no VK_EXT_transform_feedback, or it was not enabled".into(),
+                    Some(most) => {
+                        format!("captured vertices may be {most} bytes apart at most, a pose needs {CAPTURE_STRIDE}")
+                    }
+                };
+                let fits = most.is_some_and(|most| most >= CAPTURE_STRIDE as u32);
+                (fits, reason, "use the path 'compute', which needs no extension")
             }
-            (Needs::TransformFeedback, Some(TransformFeedbackCaps { max_stride: most, .. })) => {
-                let reason =
-                    format!("captured vertices may be {most} bytes apart at most, a pose needs {CAPTURE_STRIDE}");
-                (most >= CAPTURE_STRIDE as u32, reason, "use the path 'compute'")
+            Needs::Workgroups => {
+                let reason = format!("{workgroup} invocations per workgroup, {WORKGROUP} needed");
+                (workgroup >= WORKGROUP, reason, "use the path 'cpu'")
             }
-            (Needs::Workgroups, _) => {
-                let most = self.max_workgroup_invocations;
-                let reason = format!("{most} invocations per workgroup, {WORKGROUP} needed");
-                (most >= WORKGROUP, reason, "use the path 'cpu'")
-            }
-            (Needs::FloatBlending, _) => {
-                let lacks = "blending of R32G32B32A32_SFLOAT (COLOR_ATTACHMENT_BLEND), which the device lacks";
-                (self.float_blending, format!("needs {lacks}"), "use the path 'compute', which needs no format")
+            Needs::FloatBlending => {
+                let lacks = "needs blending of R32G32B32A32_SFLOAT (COLOR_ATTACHMENT_BLEND), which the device lacks";
+                (self.float_blending, lacks.into(), "use the path 'compute', which needs no format")
             }
         };
         ensure!(is_there, self.unsupported(path, reason, remedy));

@@ -127,7 +127,7 @@ unsafe fn layouts(device: &ash::Device, kernel: &KernelRow) -> (vk::DescriptorSe
         layout.descriptor_count(1).stage_flags(vk::ShaderStageFlags::COMPUTE)
     };
     let bindings: Vec<_> = kernel.bindings.iter().map(binding).collect();
-    let (_, bytes) = kernel.push_members();
+    let bytes = kernel.push_bytes as usize;
     let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(bytes as u32)];
     // SAFETY: the caller's obligation.
     unsafe {
