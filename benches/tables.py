@@ -4,13 +4,16 @@
     ./with-vulkan python3 benches/tables.py DATA [SECTION...] > tables.md
 
 DATA is the folder of the real data sets. It needs the release build of the program, a machine that does nothing else,
-and half an hour for all sections: bytes, packed, jitter, clips, techniques, constant, faces, poses, crowds.
+and half an hour for all sections: bytes, packed, load, jitter, clips, techniques, constant, faces, poses, crowds.
 """
 
 import json
+import os
+import struct
 import subprocess
 import sys
 import tempfile
+from array import array
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -131,6 +134,62 @@ def packed():
     table(["set", "`small`", "of dense", "error", "`fast`", "of dense", "error"], rows)
 
 
+def write_glb(folder, path):
+    """The positions of a folder of OBJ files as a binary glTF file: one primitive, deltas in single precision."""
+
+    def numbers(file):
+        with open(file) as lines:
+            return array("f", [float(word) for line in lines if line.startswith("v ") for word in line.split()[1:4]])
+
+    base = numbers(folder / "neutral.obj")
+    with open(folder / "neutral.obj") as lines:
+        faces = [[int(word.split("/")[0]) - 1 for word in line.split()[1:]] for line in lines if line.startswith("f ")]
+    indices = array("I", [v for face in faces for i in range(2, len(face)) for v in (face[0], face[i - 1], face[i])])
+    targets = sorted((folder / "targets").glob("*.obj"))
+    deltas = [array("f", [a - b for a, b in zip(numbers(file), base)]) for file in targets]
+    arrays = [indices, base, *deltas]
+    views, accessors, at = [], [], 0
+    for view, values in enumerate(arrays):
+        size = len(values) * values.itemsize
+        views.append({"buffer": 0, "byteOffset": at, "byteLength": size})
+        shape = {"componentType": 5126, "type": "VEC3", "count": len(values) // 3}
+        if values is indices:
+            shape = {"componentType": 5125, "type": "SCALAR", "count": len(values)}
+        accessors.append({"bufferView": view, **shape})
+        at += size
+    primitive = {"indices": 0, "attributes": {"POSITION": 1}}
+    primitive["targets"] = [{"POSITION": 2 + i} for i in range(len(deltas))]
+    mesh = {"primitives": [primitive], "extras": {"targetNames": [file.stem for file in targets]}}
+    file = {"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "meshes": [mesh]}
+    file |= {"buffers": [{"byteLength": at}], "bufferViews": views, "accessors": accessors}
+    text = json.dumps(file).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = [(b"JSON", text), (b"BIN\0", b"".join(values.tobytes() for values in arrays))]
+    body = b"".join(struct.pack("<I4s", len(chunk), kind) + chunk for kind, chunk in chunks)
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+
+
+def load():
+    print("`RAYON_NUM_THREADS=1 pack INPUT --format FORMAT -o FILE`, the fastest of five: seconds to read, and to pack\n")
+    os.environ["RAYON_NUM_THREADS"] = "1"
+
+    def fastest(source, format, folder):
+        runs = [run("pack", source, "--format", format, "-o", f"{folder}/{format}.dmorph") for _ in range(5)]
+        return [min(one[key] for one in runs) for key in ["read_seconds", "pack_seconds"]] + [runs[0]["dense_f32_bytes"]]
+
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ["ict_facekit", "aura_rebuilt"]:
+            write_glb(data / name, Path(f"{folder}/head.glb"))
+            for kind, source in [("OBJ", name), (".glb", f"{folder}/head.glb"), (".dmorph", f"{folder}/small.dmorph")]:
+                row = [f"{name}, {kind}"]
+                for format in ["fast", "small"]:
+                    read, packing, size = fastest(source, format, folder)
+                    row += [f"{read:.3f} s", f"{packing:.2f} s", f"{size / 1e6 / packing:.0f} MB/s"]
+                rows.append(row)
+    table(["set", "read", "`fast`", "float32 deltas", "read", "`small`", "float32 deltas"], rows)
+
+
 def jitter():
     clip = CLIPS[1]
     options = ["--format", "small", "--noise", "0.0005"]
@@ -187,6 +246,7 @@ def crowds():
 SECTIONS = {
     "bytes": bytes_and_errors,
     "packed": packed,
+    "load": load,
     "jitter": jitter,
     "clips": clips,
     "techniques": techniques,

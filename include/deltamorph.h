@@ -249,7 +249,7 @@ typedef struct DmMeshDesc {
     float absolute_error;
     /// Largest absolute weight that 32-bit fixed-point poses accept; 0: 4 (block formats).
     float weight_max;
-    /// Called with each message on the mesh; null: messages are dropped. Packed files have none, errors are results.
+    /// Called with each message on the mesh; null: messages are dropped. Errors are results.
     DmMessage message;
     /// Passed to `message`. Neither is used after the call that gets this structure.
     void *message_user;

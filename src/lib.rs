@@ -89,6 +89,7 @@ mod names;
 mod pack;
 mod plan;
 pub mod reference;
+mod simd;
 #[cfg(test)]
 mod testing;
 mod update;

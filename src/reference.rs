@@ -6,7 +6,7 @@ use crate::asset::KeptMesh;
 use crate::asset::streams::{StreamPlace, group_streams};
 #[doc(hidden)]
 pub use crate::math::angle_degrees;
-use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, PoseError, Source, stream_errors};
+use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, PoseError, Source};
 use glam::DVec3;
 
 /// A morphed normal shorter than this has no usable direction; consumers fall back to the base normal.
@@ -73,9 +73,11 @@ pub fn compare_group(streams: &[StreamPlace], pose: &[f32], reference: &[f64]) -
         true => got.distance(want), // no direction to compare: a short vector must come out as the same short vector
         false => angle_degrees(got, want),
     };
-    let vertices = pose.as_chunks::<POSE_FLOATS>().0.iter().zip(reference.as_chunks().0);
-    let errors = vertices.map(|(got, want)| stream_errors(streams, &got.map(f64::from), want, angle));
-    errors.fold(PoseError::default(), |worst, error| error.max(worst))
+    let mut worst = PoseError::default();
+    for (got, want) in pose.as_chunks::<POSE_FLOATS>().0.iter().zip(reference.as_chunks().0) {
+        worst.add_vertex(streams, &got.map(f64::from), want, angle);
+    }
+    worst
 }
 
 #[cfg(test)]

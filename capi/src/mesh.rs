@@ -86,6 +86,7 @@ impl Mesh {
 
     /// The mesh of a packed file, packed again if `desc` says how.
     fn of_packed(packed: PackedMesh, desc: &DmMeshDesc) -> Result<Self> {
+        desc.tell(&packed.notes);
         match desc.packs_by_default() {
             true => Ok(Self::new(packed)),
             false => Ok(Self::new(PackedMesh::pack(&packed.unpack()?, &desc.pack_desc()?)?)),

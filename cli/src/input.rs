@@ -11,6 +11,7 @@ use serde::Serialize;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Frames of the built-in head's clip, as `sample` writes them.
 const HEAD_FRAMES: usize = 300;
@@ -38,6 +39,8 @@ pub struct Input {
     pub origin: String,
     /// Prints warnings about clips.
     pub out: Option<Output>,
+    /// What reading took, in seconds, and what followed until there was `kept`.
+    pub seconds: [f64; 2],
     /// The largest absolute weight of clips and settings that have been read: fixed-point poses have to hold it.
     pub largest: Cell<f32>,
 }
@@ -109,6 +112,7 @@ impl Input {
 pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
+    let begun = Instant::now();
     let (mesh, clips, looks_back) = match &args.input {
         None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![], false),
         Some(path) if path == Path::new("-") => {
@@ -120,6 +124,8 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
             (mesh, clips, looks_back)
         }
     };
+    let read = begun.elapsed().as_secs_f64();
+    let mut kept_seconds = 0.0;
     let (raw, kept, packed) = match mesh {
         ImportedMesh::Source(source) => {
             let mesh = |tolerance| -> deltamorph::Result<Arc<KeptMesh>> {
@@ -128,6 +134,7 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
                 Ok(Arc::new(mesh))
             };
             let kept = mesh(args.tolerance())?;
+            kept_seconds = begun.elapsed().as_secs_f64() - read;
             let same = !with_raw || kept.tolerance == Tolerance::ZERO;
             let raw = if same { kept.clone() } else { mesh(Tolerance::ZERO)? };
             (raw, kept, None)
@@ -162,6 +169,7 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
         normalise: args.normalise,
         origin,
         out: Some(out.clone()),
+        seconds: [read, kept_seconds],
         largest: Cell::new(0.0),
     })
 }

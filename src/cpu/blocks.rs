@@ -5,7 +5,6 @@
 //! their sum.
 
 use super::records::{self, Row, RowSum};
-use super::simd::widest;
 use super::sums::{self, Added, BATCH, Planes};
 use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element};
@@ -15,6 +14,7 @@ use crate::pack::formats::{BlockFormat, with_format};
 use crate::pack::poses::sums::Sum;
 use crate::pack::poses::{PoseStorage, with_pose};
 use crate::pack::{POSE_FLOATS, PackedGroup};
+use crate::simd::widest;
 use crate::update::blocks::{GroupPlan, Item};
 use bytemuck::{Pod, Zeroable, cast, cast_slice, cast_slice_mut};
 use std::ops::Range;

@@ -4,9 +4,9 @@
 //! A run is cut into pieces whose sums fit the first-level cache. Deltas of several targets are read at a time, so that
 //! a piece is loaded and stored once for all of them.
 
-use super::simd::widest;
 use crate::pack::formats::{DenseFormat, with_format};
 use crate::pack::{POSE_FLOATS, PackedGroup};
+use crate::simd::widest;
 use crate::weights::delta::Coefficient;
 
 /// Vertices of a piece: 6 KiB of sums.

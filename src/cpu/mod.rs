@@ -4,7 +4,6 @@
 mod blocks;
 mod kernel;
 mod records;
-mod simd;
 mod sums;
 mod workers;
 

@@ -1,10 +1,10 @@
 //! Sums of block formats, in planes (all x of a block, all y, …) so that loops vectorize.
 
-use super::simd::widest;
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
 use crate::pack::formats::BlockFormat;
 use crate::pack::poses::sums::Sum;
+use crate::simd::widest;
 use std::ops::Range;
 
 /// Numbers of a block of `S` vertices, by component.

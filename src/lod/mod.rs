@@ -99,17 +99,6 @@ struct Deltas<'a> {
 }
 
 impl Importance {
-    /// Ranks the targets of `mesh` by their [`mean_square`]. Targets whose names begin with one of `pins` come first,
-    /// and are always kept.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) for a pin that no target's name begins with; the message suggests the
-    /// nearest name.
-    #[doc(hidden)]
-    pub fn of(mesh: &KeptMesh, pins: &[&str]) -> Result<Self> {
-        Deltas::of(mesh).by_mean_square(pins)
-    }
-
     /// Ranks the targets of a packed mesh by the mean square of the packed deltas. Targets whose names begin with one
     /// of `pins` come first, and are always kept.
     ///
@@ -117,7 +106,7 @@ impl Importance {
     /// [`Error::Invalid`](crate::Error::Invalid) for a pin that no target's name begins with; the message suggests the
     /// nearest name.
     pub fn of_packed(mesh: &PackedMesh, pins: &[&str]) -> Result<Self> {
-        Deltas::of_packed(mesh).by_mean_square(pins)
+        Deltas::of(mesh).by_mean_square(pins)
     }
 
     /// Takes the order from the caller, such as the ranking of `deltamorph lod --json`: names of all targets, the most
@@ -127,7 +116,7 @@ impl Importance {
     /// [`Error::Invalid`](crate::Error::Invalid) for a name that is not a target, with the nearest name suggested; a
     /// name given twice; targets left out; or more pinned targets than there are.
     pub fn in_order(mesh: &PackedMesh, order: &[&str], pinned: usize) -> Result<Self> {
-        let deltas = Deltas::of_packed(mesh);
+        let deltas = Deltas::of(mesh);
         let mut seen = HashSet::new();
         let place = |name: &&str| {
             let what =
@@ -199,17 +188,7 @@ impl Importance {
 }
 
 impl<'a> Deltas<'a> {
-    fn of(mesh: &'a KeptMesh) -> Self {
-        let squares = |target: &KeptTarget| {
-            let deltas = target.vertices.iter().zip(&target.positions);
-            deltas.map(|(vertex, delta)| (*vertex as usize, delta.as_dvec3().length_squared())).collect()
-        };
-        let names = mesh.targets.iter().map(|target| &*target.name).collect();
-        let moved = mesh.targets.iter().map(squares).collect();
-        Self { mesh: &mesh.name, names, vertices: mesh.vertex_count(), moved }
-    }
-
-    fn of_packed(mesh: &'a PackedMesh) -> Self {
+    fn of(mesh: &'a PackedMesh) -> Self {
         let layout = mesh.layout();
         let names: Vec<&str> = layout.targets.iter().map(|target| &*target.name).collect();
         let mut moved = vec![vec![]; names.len()];

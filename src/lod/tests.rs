@@ -7,6 +7,10 @@ fn mesh() -> KeptMesh {
     testing::mesh(120, 9)
 }
 
+fn ranked_with(pins: &[&str]) -> Result<Importance> {
+    Importance::of_packed(&PackedMesh::pack(&mesh(), &PackDesc::default())?, pins)
+}
+
 /// The largest distance between what two lists of weights make of any vertex, in double precision.
 fn distance(mesh: &KeptMesh, a: &[f32], b: &[f32]) -> f64 {
     let mut moved = vec![DVec3::ZERO; mesh.vertex_count()];
@@ -31,7 +35,7 @@ proptest! {
         kept in 0usize..=9, seed in any::<u32>(), pixels in 0.1f32..50.0, fade in 0.05f32..3.0,
         camera in prop::collection::vec(0.01f32..100.0, 1..12), with_weights in any::<bool>(),
     ) {
-        let (mesh, importance) = (mesh(), Importance::of(&mesh(), &[]).unwrap());
+        let (mesh, importance) = (mesh(), ranked_with(&[]).unwrap());
         let weight = |t: u32| match (seed ^ (t + 1).wrapping_mul(0x9E37_79B9)).wrapping_mul(0xC2B2_AE35) >> 16 {
             x if x % 4 == 0 => 0.0,
             x => (x % 2001) as f32 / 1000.0 - 1.0,
@@ -62,7 +66,7 @@ proptest! {
 
 #[test]
 fn the_fade_arrives_in_as_many_frames_as_it_takes() {
-    let importance = Importance::of(&mesh(), &[]).unwrap();
+    let importance = ranked_with(&[]).unwrap();
     let mut level = Level::new(LevelDesc { pixels: 1.0, fade: 0.5 });
     assert_eq!(level.step(&importance, 0.0, None), 0.0, "what is not seen needs nothing");
     let (near, whole) = (50.0, (0..9).map(|t| importance.reach(t)).sum::<f32>() * 50.0);
@@ -79,7 +83,7 @@ fn the_fade_arrives_in_as_many_frames_as_it_takes() {
 /// A camera that trembles by a tenth changes nothing after its first move.
 #[test]
 fn a_camera_that_trembles_changes_no_level() {
-    let importance = Importance::of(&mesh(), &[]).unwrap();
+    let importance = ranked_with(&[]).unwrap();
     for at in (1..60).map(|i| 0.02 * i as f32) {
         let mut level = Level::new(LevelDesc { pixels: 4.0, fade: f32::INFINITY });
         [at, at * 0.9, at * 1.1].iter().for_each(|&p| _ = level.step(&importance, p, None));
@@ -92,7 +96,7 @@ fn a_camera_that_trembles_changes_no_level() {
 #[test]
 fn orders_are_those_of_the_mean_square_with_pins_in_front() {
     let mesh = mesh();
-    let importance = Importance::of(&mesh, &[]).unwrap();
+    let importance = ranked_with(&[]).unwrap();
     let score = |target: &u32| mean_square(&mesh, &mesh.targets[*target as usize]);
     assert!(importance.order().windows(2).all(|two| score(&two[0]) >= score(&two[1])));
     assert!(importance.order().iter().enumerate().all(|(rank, t)| importance.ranks()[*t as usize] == rank as u32));
@@ -104,18 +108,16 @@ fn orders_are_those_of_the_mean_square_with_pins_in_front() {
         let kept = importance.level_for(3.0, pixels);
         assert!(errors[kept] * 3.0 <= pixels && (kept == 0 || errors[kept - 1] * 3.0 > pixels));
     }
-    let pinned = Importance::of(&mesh, &["target_2", "target_5"]).unwrap();
+    let pinned = ranked_with(&["target_2", "target_5"]).unwrap();
     assert_eq!((&pinned.order()[..2], pinned.level_for(1.0, f32::MAX)), (&[5, 2][..], 2));
-    // Packed in float32, deltas are the same.
-    let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Float32)).unwrap();
-    assert_eq!(Importance::of_packed(&packed, &["target_2", "target_5"]).unwrap(), pinned);
+    let packed = PackedMesh::pack(&mesh, &PackDesc::default()).unwrap();
     let names: Vec<&str> = pinned.order().iter().map(|t| mesh.targets[*t as usize].name.as_str()).collect();
     assert_eq!(Importance::in_order(&packed, &names, 2).unwrap(), pinned);
 }
 
 #[test]
 fn factors_fade_the_last_target_and_leave_whole_weights_alone() {
-    let importance = Importance::of(&mesh(), &[]).unwrap();
+    let importance = ranked_with(&[]).unwrap();
     let weights = [0.1, -0.7, 1.0 / 3.0, 0.2, 5.0, -0.0, 0.9, 0.3, 0.6];
     let bits = |weights: &[f32]| weights.iter().map(|weight| weight.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&at_level(&importance, 9.0, &weights)), bits(&weights));
@@ -137,7 +139,7 @@ fn what_cannot_be_ranked_is_refused() {
     let [mut twice, mut other] = [names.clone(), names.clone()];
     (twice[3], other[3]) = ("target_4", "Target_3");
     for (result, words) in [
-        (Importance::of(&mesh, &["jaw"]), "no target of mesh 'test_120x9' has a name that begins with 'jaw'"),
+        (ranked_with(&["jaw"]), "no target of mesh 'test_120x9' has a name that begins with 'jaw'"),
         (Importance::in_order(&packed, &twice, 0), "names 'target_4' twice; name each target once"),
         (Importance::in_order(&packed, &other, 0), "use 'target_3' if that is meant"),
         (Importance::in_order(&packed, &names[1..], 0), "of 8 targets, 0 of them pinned"),
@@ -145,6 +147,6 @@ fn what_cannot_be_ranked_is_refused() {
     ] {
         testing::says(result, &[words]);
     }
-    let text = Importance::of(&mesh, &[]).unwrap().apply(1.0, &mut [0.0; 3]).unwrap_err().to_string();
+    let text = ranked_with(&[]).unwrap().apply(1.0, &mut [0.0; 3]).unwrap_err().to_string();
     assert!(text.contains("3 weights given, but 9 targets are ranked"), "{text}");
 }

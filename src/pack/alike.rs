@@ -5,10 +5,13 @@
 //! smaller by it. The first step ([`order`](super::order)) says which blocks there are to begin with.
 
 use super::POSE_FLOATS;
-use super::formats::Integers;
+use crate::simd::widest;
 
-/// A target that moves a vertex, and the delta in steps.
-pub(super) type Move = (usize, Integers);
+/// A delta in steps; the last two are 0, so that a row fills a vector.
+pub(super) type Row = [i32; 8];
+
+/// A target that moves a vertex, and the delta.
+pub(super) type Move = (usize, Row);
 
 /// Most blocks that each block is tried with, of so many around it in either direction; fewer where a pass would try
 /// more than these pairs, which takes about two seconds.
@@ -27,10 +30,11 @@ const ENTRY_BITS: usize = 32;
 const PLACES: usize = 128;
 type Sketch = [f32; PLACES];
 
+#[inline(always)]
 fn sketch(moves: &[Move]) -> Sketch {
     let mut out = [0.0; PLACES];
     for (target, delta) in moves {
-        for (c, number) in delta.iter().enumerate() {
+        for (c, number) in delta[..POSE_FLOATS].iter().enumerate() {
             let hash = ((target * POSE_FLOATS + c) as u32 + 1).wrapping_mul(0x9e37_79b1);
             let hash = (hash ^ hash >> 15).wrapping_mul(0x85eb_ca6b);
             // The root: differences between small numbers cost as many bits as those between large ones.
@@ -42,17 +46,23 @@ fn sketch(moves: &[Move]) -> Sketch {
     out
 }
 
-// Counting up, here and where numbers are compared: other iterators are not always inlined.
-#[inline]
+// Loops that count, here and below: what iterators call is not always inlined, and then not compiled for AVX2.
+#[inline(always)]
 fn add(sum: &mut Sketch, of: &Sketch, factor: f32) {
-    (0..PLACES).for_each(|i| sum[i] += factor * of[i]);
+    for i in 0..PLACES {
+        sum[i] += factor * of[i];
+    }
 }
 
 /// In eight sums, which make a vector.
-#[inline]
-fn dot(a: &Sketch, b: &Sketch) -> f32 {
+#[inline(always)]
+fn dot(a: impl Fn(usize) -> f32, b: impl Fn(usize) -> f32) -> f32 {
     let mut sums = [0.0f32; 8];
-    (0..PLACES / 8).for_each(|from| (0..8).for_each(|i| sums[i] += a[8 * from + i] * b[8 * from + i]));
+    for from in 0..PLACES / 8 {
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum += a(8 * from + i) * b(8 * from + i);
+        }
+    }
     sums.iter().sum()
 }
 
@@ -61,27 +71,36 @@ struct Cost<'a, F> {
     moves: &'a [Vec<Move>],
     bits: F,
     /// By target, empty between two blocks.
-    ranges: Vec<(usize, Integers, Integers)>,
+    ranges: Vec<(usize, Row, Row)>,
     /// The targets that move the block.
     touched: Vec<usize>,
 }
 
-const EMPTY: (usize, Integers, Integers) = (0, [i32::MAX; POSE_FLOATS], [i32::MIN; POSE_FLOATS]);
+const EMPTY: (usize, Row, Row) = (0, [i32::MAX; 8], [i32::MIN; 8]);
 
-impl<F: Fn(usize, &Integers, &Integers) -> usize> Cost<'_, F> {
+impl<F: Fn(usize, &[i32], &[i32]) -> usize> Cost<'_, F> {
+    #[inline(always)]
     fn of(&mut self, block: &[u32]) -> usize {
-        for (target, delta) in block.iter().flat_map(|vertex| &self.moves[*vertex as usize]) {
-            let (count, low, high) = &mut self.ranges[*target];
-            if *count == 0 {
-                self.touched.push(*target);
+        for vertex in block {
+            for (target, delta) in &self.moves[*vertex as usize] {
+                // Copies, which nothing else can alias: the loops become vectors.
+                let (count, mut low, mut high) = self.ranges[*target];
+                for c in 0..low.len() {
+                    low[c] = low[c].min(delta[c]);
+                }
+                for c in 0..high.len() {
+                    high[c] = high[c].max(delta[c]);
+                }
+                if count == 0 {
+                    self.touched.push(*target);
+                }
+                self.ranges[*target] = (count + 1, low, high);
             }
-            *count += 1;
-            (0..POSE_FLOATS).for_each(|c| (low[c], high[c]) = (low[c].min(delta[c]), high[c].max(delta[c])));
         }
         let mut sum = 0;
         for target in self.touched.drain(..) {
             let (count, low, high) = std::mem::replace(&mut self.ranges[target], EMPTY);
-            sum += (self.bits)(count, &low, &high) + ENTRY_BITS;
+            sum += (self.bits)(count, &low[..POSE_FLOATS], &high[..POSE_FLOATS]) + ENTRY_BITS;
         }
         sum
     }
@@ -93,15 +112,23 @@ pub(super) fn regroup(
     order: &mut [u32],
     moves: &[Vec<Move>],
     size: usize,
-    bits: impl Fn(usize, &Integers, &Integers) -> usize,
+    bits: impl Fn(usize, &[i32], &[i32]) -> usize,
 ) {
+    widest!(_simd => regrouped(order, moves, size, &bits));
+}
+
+#[inline(always)]
+fn regrouped(order: &mut [u32], moves: &[Vec<Move>], size: usize, bits: impl Fn(usize, &[i32], &[i32]) -> usize) {
     let targets = moves.iter().flatten().map(|(target, _)| target + 1).max().unwrap_or(0);
     let moved = order.iter().take_while(|vertex| !moves[**vertex as usize].is_empty()).count();
     // A last block that is not full stays as it is.
     let (blocks, _) = order.split_at_mut(moved / size * size);
     let sketches: Vec<Sketch> = moves.iter().map(|moves| sketch(moves)).collect();
     let mut cost = Cost { moves, bits, ranges: vec![EMPTY; targets], touched: vec![] };
-    let mut costs: Vec<usize> = blocks.chunks(size).map(|block| cost.of(block)).collect();
+    let mut costs = vec![];
+    for block in blocks.chunks(size) {
+        costs.push(cost.of(block));
+    }
     // How often blocks have changed, and with which others each was tried, after how many changes of both.
     let mut changes = vec![0u32; costs.len()];
     let mut tried = vec![vec![]; costs.len()];
@@ -119,7 +146,8 @@ pub(super) fn regroup(
                 let pair = [a, b].map(|block| &blocks[block * size..][..size]).concat();
                 for direction in [outward(&pair, &sketches), apart(&pair, &sketches)] {
                     let pair = divided(&pair, direction, &sketches);
-                    let [first, second] = [0, size].map(|from| cost.of(&pair[from..][..size]));
+                    let first = cost.of(&pair[..size]);
+                    let second = cost.of(&pair[size..]);
                     if first + second < costs[a] + costs[b] {
                         for (block, half) in [a, b].into_iter().zip(pair.chunks(size)) {
                             blocks[block * size..][..size].copy_from_slice(half);
@@ -137,6 +165,7 @@ pub(super) fn regroup(
     }
 }
 
+#[inline(always)]
 fn sum(vertices: &[u32], sketches: &[Sketch]) -> Sketch {
     let mut sum = [0.0; PLACES];
     vertices.iter().for_each(|vertex| add(&mut sum, &sketches[*vertex as usize], 1.0));
@@ -144,14 +173,14 @@ fn sum(vertices: &[u32], sketches: &[Sketch]) -> Sketch {
 }
 
 /// The blocks whose sums are nearest to that of block `one`, of those around it in the order.
+#[inline(always)]
 fn nearest(sums: &[Sketch], one: usize) -> Vec<usize> {
     let around = one.saturating_sub(AROUND)..(one + AROUND).min(sums.len());
-    let distance = |other: usize| {
-        let mut difference = sums[other];
-        add(&mut difference, &sums[one], -1.0);
-        dot(&difference, &difference)
-    };
-    let mut distances: Vec<f32> = around.clone().map(distance).collect();
+    let mut distances = vec![];
+    for other in &sums[around.clone()] {
+        let difference = |i: usize| other[i] - sums[one][i];
+        distances.push(dot(difference, difference));
+    }
     distances[one - around.start] = f32::INFINITY;
     let near = (PAIRS / sums.len()).clamp(1, NEAR).min(distances.len() - 1);
     // Not sorted, here and below: that takes 4 kB of the C library for each kind of list.
@@ -164,17 +193,24 @@ fn nearest(sums: &[Sketch], one: usize) -> Vec<usize> {
 }
 
 /// The direction from the middle of two blocks to the vertex that is furthest from it.
+#[inline(always)]
 fn outward(pair: &[u32], sketches: &[Sketch]) -> Sketch {
-    let middle = sum(pair, sketches);
-    let from_middle = pair.iter().map(|vertex| {
-        let mut out = sketches[*vertex as usize];
-        add(&mut out, &middle, -1.0 / pair.len() as f32);
-        out
-    });
-    from_middle.max_by(|a, b| dot(a, a).total_cmp(&dot(b, b))).unwrap_or(middle)
+    let sum = sum(pair, sketches);
+    let part = -1.0 / pair.len() as f32;
+    let mut furthest = (f32::NEG_INFINITY, sum);
+    for vertex in pair {
+        let mut direction = sketches[*vertex as usize];
+        add(&mut direction, &sum, part);
+        let length = dot(|i| direction[i], |i| direction[i]);
+        if length >= furthest.0 {
+            furthest = (length, direction);
+        }
+    }
+    furthest.1
 }
 
 /// The direction from one half to the other.
+#[inline(always)]
 fn apart(pair: &[u32], sketches: &[Sketch]) -> Sketch {
     let [mut first, second] = [&pair[..pair.len() / 2], &pair[pair.len() / 2..]].map(|half| sum(half, sketches));
     add(&mut first, &second, -1.0);
@@ -182,17 +218,29 @@ fn apart(pair: &[u32], sketches: &[Sketch]) -> Sketch {
 }
 
 /// Two halves that differ more, beginning with those along `direction`.
+#[inline(always)]
 fn divided(pair: &[u32], mut direction: Sketch, sketches: &[Sketch]) -> Vec<u32> {
     let mut pair = pair.to_vec();
-    for _ in 0..TURNS {
-        let along: Vec<f32> = pair.iter().map(|vertex| dot(&sketches[*vertex as usize], &direction)).collect();
+    for turn in 0..TURNS {
+        if turn > 0 {
+            direction = apart(&pair, sketches);
+        }
+        let mut along = vec![];
+        for vertex in &pair {
+            let sketch = &sketches[*vertex as usize];
+            along.push(dot(|i| sketch[i], |i| direction[i]));
+        }
         let mut sorted = pair.clone();
-        for (i, vertex) in pair.iter().enumerate() {
-            let before = |j: &usize| along[*j] > along[i] || (along[*j] == along[i] && *j < i);
-            sorted[(0..pair.len()).filter(before).count()] = *vertex;
+        for (i, vertex) in (0u32..).zip(&pair) {
+            let own = along[i as usize];
+            let before = |(j, other): (u32, &f32)| u32::from((*other > own) | ((*other == own) & (j < i)));
+            sorted[(0u32..).zip(&along).map(before).sum::<u32>() as usize] = *vertex;
+        }
+        // Further turns would change nothing.
+        if turn > 0 && sorted == pair {
+            break;
         }
         pair = sorted;
-        direction = apart(&pair, sketches);
     }
     pair
 }
@@ -204,10 +252,10 @@ mod tests {
     #[test]
     fn vertices_that_move_alike_share_blocks_and_the_still_ones_stay() {
         // Target t moves all vertices, those ≡ k modulo 4 by a distance of their own.
-        let moves = |v: usize| (0..3).map(|t| (t, [(v % 4 * 100 * (t + 1)) as i32 + (v / 7 % 3) as i32; 6])).collect();
+        let moves = |v: usize| (0..3).map(|t| (t, [(v % 4 * 100 * (t + 1)) as i32 + (v / 7 % 3) as i32; 8])).collect();
         let all: Vec<Vec<Move>> = (0..300).map(|v| if v < 270 { moves(v) } else { vec![] }).collect();
         let mut order: Vec<u32> = (0..300).collect();
-        let bits = |count: usize, low: &Integers, high: &Integers| {
+        let bits = |count: usize, low: &[i32], high: &[i32]| {
             let widths = low.iter().zip(high).map(|(low, high)| (high - low + 1).ilog2() as usize);
             count * widths.sum::<usize>()
         };

@@ -47,11 +47,31 @@ impl PoseError {
         *errors.of_mut(semantic)
     }
 
-    /// An error in one stream only.
-    pub(crate) fn only(semantic: Semantic, error: f64) -> Self {
-        let mut only = Self::default();
-        *only.of_mut(semantic) = error;
-        only
+    /// Takes in the error of a stream.
+    pub(crate) fn add(&mut self, semantic: Semantic, error: f64) {
+        let worst = self.of_mut(semantic);
+        if error.is_nan() || error > *worst {
+            *worst = error;
+        }
+    }
+
+    /// Takes in the errors of one vertex of a group; `angle` returns degrees.
+    pub(crate) fn add_vertex(
+        &mut self,
+        streams: &[StreamPlace],
+        got: &[f64; POSE_FLOATS],
+        want: &[f64; POSE_FLOATS],
+        angle: impl Fn(DVec3, DVec3) -> f64,
+    ) {
+        for place in streams {
+            let numbers = place.morphing_components();
+            let vector = |of: &[f64; POSE_FLOATS]| DVec3::from_slice(&of[numbers.clone()]);
+            match place.semantic.measure() {
+                Measure::Length => self.add(place.semantic, vector(got).distance(vector(want))),
+                Measure::Angle => self.add(place.semantic, angle(vector(got), vector(want))),
+                Measure::Absolute => numbers.for_each(|c| self.add(place.semantic, (got[c] - want[c]).abs())),
+            }
+        }
     }
 
     fn of_mut(&mut self, semantic: Semantic) -> &mut f64 {
@@ -62,28 +82,4 @@ impl PoseError {
             Measure::Absolute => &mut self.absolute,
         }
     }
-}
-
-/// Errors of one vertex of a group; `angle` returns degrees.
-pub(crate) fn stream_errors(
-    streams: &[StreamPlace],
-    got: &[f64; POSE_FLOATS],
-    want: &[f64; POSE_FLOATS],
-    angle: impl Fn(DVec3, DVec3) -> f64,
-) -> PoseError {
-    let mut worst = PoseError::default();
-    for place in streams {
-        let numbers = place.morphing_components();
-        let vector = |of: &[f64; POSE_FLOATS]| DVec3::from_slice(&of[numbers.clone()]);
-        let error = match place.semantic.measure() {
-            Measure::Length => vector(got).distance(vector(want)),
-            Measure::Angle => angle(vector(got), vector(want)),
-            Measure::Absolute => {
-                let differences = numbers.map(|c| (got[c] - want[c]).abs());
-                differences.fold(0.0, |worst, d| if d.is_nan() || d > worst { d } else { worst })
-            }
-        };
-        worst = PoseError::only(place.semantic, error).max(worst);
-    }
-    worst
 }

@@ -67,7 +67,7 @@ impl PackedMesh {
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read; [`Error::Input`], naming the section, if it is invalid or larger than
-    /// 4 GiB.
+    /// 4 GiB. Clips that are damaged are left out, with a note.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         contents::read(path, &bytes(path)?)
@@ -122,6 +122,7 @@ impl PackedMesh {
             diagonal: layout.diagonal,
             origin: layout.origin,
             tolerance: self.tolerance,
+            notes: self.notes.clone(),
             ..Default::default()
         };
         self.groups.iter().for_each(|group| unpack(group, &mut mesh));

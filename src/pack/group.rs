@@ -3,7 +3,7 @@
 use super::blocks::{BlockIndex, PoseGrid};
 use super::formats::{DenseFormat, with_format};
 use super::grid::{MeshSums, directions, refused};
-use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source, VERTEX_PADDING, stream_errors};
+use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source, VERTEX_PADDING};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
 use crate::error::{Error, Result, ensure};
 use crate::math::angle_degrees;
@@ -90,7 +90,7 @@ impl PackedGroup {
                     exact[c] += f64::from(base[c]);
                     found[c] += f64::from(base[c]);
                 }
-                worst = stream_errors(streams, &found, &exact, |found, exact| angle_degrees(exact, found)).max(worst);
+                worst.add_vertex(streams, &found, &exact, |found, exact| angle_degrees(exact, found));
             }
         }
         worst

@@ -20,7 +20,6 @@ use crate::math::far_middle;
 use crate::weights::WeightClip;
 use blocks::BlockDesc;
 pub use error::PoseError;
-pub(crate) use error::stream_errors;
 pub use formats::DeltaFormat;
 use formats::with_format;
 use glam::{Vec2, Vec3};
@@ -112,6 +111,8 @@ pub struct PackedMesh {
     pub tolerance: Tolerance,
     /// Weight clips that a file holds beside the mesh; packing makes none.
     pub clips: Vec<WeightClip>,
+    /// What reading a file left out, for a person to see.
+    pub notes: Vec<String>,
 }
 
 impl Mesh {
@@ -166,6 +167,7 @@ impl PackedMesh {
             welds: mesh.welds.clone(),
             tolerance: mesh.tolerance,
             clips: vec![],
+            notes: vec![],
         };
         packed.complete()
     }

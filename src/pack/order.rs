@@ -3,12 +3,13 @@
 //! Vertices are split recursively, like a decision tree: by the target whose membership tells most about membership in
 //! all other targets. Every second branch is mirrored, so that neighbours in the order differ little.
 
+use crate::simd::widest;
 use std::cmp::Reverse;
 use std::collections::VecDeque;
 
 /// Largest sample of vertices to choose a split from.
 const SAMPLE: usize = 512;
-/// Most targets compared for a split: those that divide the sample most evenly. Time and memory are quadratic in it.
+/// Most targets compared for a split: those that divide the sample most evenly. Time is quadratic in it.
 const COMPARED: usize = 512;
 /// Most sets of welded vertices considered when filling a block.
 const AHEAD: usize = 1024;
@@ -183,31 +184,47 @@ fn split<'a>(set: &[u32], targets: usize, of: impl Fn(u32) -> &'a [u64]) -> Opti
         let odd = set.iter().map(|&v| of(v)).find(|odd| *odd != first)?;
         return (0..targets).find(|&t| has(first, t) != has(odd, t));
     }
-    let k = mixed.len();
-    // `[target][target]`: vertices of the sample that both move.
-    let mut together = vec![0u32; k * k];
-    let mut present = vec![];
-    for set in sample {
-        present.clear();
-        present.extend((0..k).filter(|&i| has(set, mixed[i])));
-        for &a in &present {
-            present.iter().for_each(|b| together[a * k + b] += 1);
+    // The vertices of the sample that each of them moves, as a bit set.
+    let mut members = vec![[0u64; SAMPLE / 64]; mixed.len()];
+    for (i, set) in sample.into_iter().enumerate() {
+        for (members, &target) in members.iter_mut().zip(&mixed) {
+            members[i / 64] |= u64::from(has(set, target)) << (i % 64);
         }
     }
-    // Choose the split with the least remaining variance of membership, summed over targets.
-    let variance = |members: f64, of: f64| if of > 0.0 { members * (of - members) / of } else { 0.0 };
-    let remaining = |a: usize| {
-        let inside = f64::from(together[a * k + a]);
-        let outside = f64::from(n) - inside;
-        let each = (0..k).map(|b| {
-            let both = f64::from(together[a * k + b]);
-            let only = f64::from(together[b * k + b]) - both;
-            variance(both, inside) + variance(only, outside)
-        });
-        each.sum::<f64>()
+    let mut best = 0;
+    widest!(_simd => best = least_variance(&members, n));
+    Some(mixed[best])
+}
+
+/// The target by which to split, so that the remaining variance of membership, summed over targets, is the least.
+#[inline(always)]
+fn least_variance(members: &[[u64; SAMPLE / 64]], sample: u32) -> usize {
+    let words = sample.div_ceil(64) as usize;
+    let count = |a: &[u64; SAMPLE / 64], b: &[u64; SAMPLE / 64]| -> f64 {
+        let mut count = 0;
+        for word in 0..words {
+            count += (a[word] & b[word]).count_ones();
+        }
+        f64::from(count)
     };
-    let best = (0..k).map(|a| (a, remaining(a))).min_by(|a, b| a.1.total_cmp(&b.1))?;
-    Some(mixed[best.0])
+    let mut counts = vec![];
+    for b in members {
+        counts.push(count(b, b));
+    }
+    let variance = |members: f64, of: f64| if of > 0.0 { members * (of - members) / of } else { 0.0 };
+    let mut best = (0, f64::INFINITY);
+    for (i, a) in members.iter().enumerate() {
+        let outside = f64::from(sample) - counts[i];
+        let mut remaining = 0.0;
+        for (b, all) in members.iter().zip(&counts) {
+            let both = count(a, b);
+            remaining += variance(both, counts[i]) + variance(all - both, outside);
+        }
+        if remaining < best.1 {
+            best = (i, remaining);
+        }
+    }
+    best.0
 }
 
 #[cfg(test)]

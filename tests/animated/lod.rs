@@ -122,7 +122,8 @@ fn levels_are_applied_on_the_gpu() {
         let desc = scene::crowd(1, scene::fixed(scene::FIXED[0], 2));
         let mut without = Scene::new(headless, &mesh, desc, &AnimationDesc::new(&clips));
         testing::says(without.crowd.set_level(0, 3.0), &["give AnimationDesc::importance"]);
-        let other = Importance::of(&testing::mesh(100, 5), &[]).expect("an order");
+        let small = PackedMesh::pack(&testing::mesh(100, 5), &PackDesc::default()).expect("packed");
+        let other = Importance::of_packed(&small, &[]).expect("an order");
         let animation = AnimationDesc { importance: Some(&other), ..AnimationDesc::new(&clips) };
         testing::says(HeadlessCrowd::animated(headless, &mesh, &desc, &animation), &["of 5 targets for mesh"]);
     });

@@ -29,7 +29,7 @@ pub struct DmMeshDesc {
     pub absolute_error: f32,
     /// Largest absolute weight that 32-bit fixed-point poses accept; 0: 4 (block formats).
     pub weight_max: f32,
-    /// Called with each message on the mesh; null: messages are dropped. Packed files have none, errors are results.
+    /// Called with each message on the mesh; null: messages are dropped. Errors are results.
     pub message: DmMessage,
     /// Passed to `message`. Neither is used after the call that gets this structure.
     pub message_user: *mut c_void,

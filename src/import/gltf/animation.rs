@@ -15,11 +15,13 @@ pub struct Animation {
     /// Its channels. Channels without a node or keys, of a property other than the four of glTF 2.0, or that cannot be
     /// read, are left out. One that KHR_animation_pointer lets drive the weights
     /// of a mesh is there for each node that draws the mesh and states no weights of its own.
+    #[doc(hidden)]
     pub channels: Vec<Channel>,
 }
 
 /// The property that a channel animates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[doc(hidden)]
 pub enum Property {
     /// The node's translation: 3 numbers.
     Translation,
@@ -33,6 +35,7 @@ pub enum Property {
 
 /// The interpolation between two keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[doc(hidden)]
 pub enum Interpolation {
     /// The value of the earlier key.
     Step,
@@ -44,7 +47,7 @@ pub enum Interpolation {
 
 /// Keys of one property of one node.
 #[derive(Clone, Debug)]
-#[non_exhaustive]
+#[doc(hidden)]
 pub struct Channel {
     /// Index of the node.
     pub node: usize,
@@ -84,7 +87,6 @@ impl Channel {
 
     /// Returns the times of the first and the last key, in seconds. Before and after, the value is that of the nearest
     /// key.
-    #[doc(hidden)]
     pub fn span(&self) -> [f64; 2] {
         [self.times.first(), self.times.last()].map(|time| time.copied().unwrap_or(0.0).into())
     }

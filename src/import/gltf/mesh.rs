@@ -24,17 +24,24 @@ pub struct GltfMesh {
     /// A weight for each target, used by nodes that state none.
     pub weights: Vec<f32>,
     /// The vertices and triangles of each primitive.
+    #[doc(hidden)]
     pub primitives: Vec<Primitive>,
     /// Streams that no target changes, and that therefore need no pose, except the first texture coordinates, which are
     /// `source.texcoords`. For a primitive that lacks one, tangents are along x, texture coordinates 0, colours white.
     pub constants: Vec<StreamData>,
-    /// The joints that vertices follow; `None` without any.
-    pub influences: Option<Influences>,
+    /// Joints that each vertex may follow, for linear-blend or dual-quaternion skinning: 4 for each set of joints in
+    /// the file; 0 if no vertex follows any.
+    pub joints_per_vertex: usize,
+    /// `joints_per_vertex` indices into [`Skin::joints`](super::Skin::joints) for each vertex.
+    pub joints: Vec<u16>,
+    /// `joints_per_vertex` weights for each vertex, 0 or more. Their sum is 1, or 0 for a vertex of a primitive without
+    /// any.
+    pub joint_weights: Vec<f32>,
 }
 
 /// A primitive of a [`GltfMesh`]: the part that is drawn with one material.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
+#[doc(hidden)]
 pub struct Primitive {
     /// Its index in the file's mesh. Primitives without triangles are left out.
     pub index: usize,
@@ -44,18 +51,6 @@ pub struct Primitive {
     pub triangles: Range<usize>,
     /// Index of the file's material.
     pub material: Option<usize>,
-}
-
-/// Joints and weights of each vertex, for linear-blend or dual-quaternion skinning.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[non_exhaustive]
-pub struct Influences {
-    /// 4 for each set of joints in the file.
-    pub per_vertex: usize,
-    /// `per_vertex` indices into [`Skin::joints`](super::Skin::joints) for each vertex.
-    pub joints: Vec<u16>,
-    /// `per_vertex` weights for each vertex, 0 or more. Their sum is 1, or 0 for a vertex of a primitive without any.
-    pub weights: Vec<f32>,
 }
 
 const AGAIN: &str = "export the file again";
@@ -71,17 +66,16 @@ pub fn mesh(
 ) -> Result<GltfMesh> {
     let primitives = at.items("primitives")?;
     let names = target_names(file, at, prefix, stated)?;
-    let per_vertex = primitives.iter().map(|at| 4 * sets_of_joints(at)).max().unwrap_or(0);
-    let mut influences = Influences { per_vertex, ..Influences::default() };
-    let mut mesh = GltfMesh::default();
+    let joints_per_vertex = primitives.iter().map(|at| 4 * sets_of_joints(at)).max().unwrap_or(0);
+    let mut mesh = GltfMesh { joints_per_vertex, ..GltfMesh::default() };
     let mut parts = vec![];
     for (index, primitive) in primitives.iter().enumerate() {
         let read = file.leave_out_or_keep(part(file, primitive, &names), "primitive", why)?;
         let Some(source) = read.flatten() else { continue };
-        let first = influences.weights.len();
-        let joints = add_influences(file, primitive, source.positions.len(), &mut influences);
+        let first = mesh.joint_weights.len();
+        let joints = add_joints(file, primitive, source.positions.len(), &mut mesh);
         if file.leave_out(joints, "skin of this primitive")?.is_none() {
-            influences.weights[first..].fill(0.0);
+            mesh.joint_weights[first..].fill(0.0);
         }
         let [v, t] = mesh.primitives.last().map_or([0, 0], |last| [last.vertices.end, last.triangles.end]);
         mesh.primitives.push(Primitive {
@@ -94,7 +88,9 @@ pub fn mesh(
     }
     let all = semantics(parts.iter());
     file.charge(at, parts.iter().map(|part| size_in(part, &all)).sum(), 1)?;
-    mesh.influences = influences.weights.iter().any(|weight| *weight > 0.0).then_some(influences);
+    if mesh.followed().next().is_none() {
+        mesh = GltfMesh { joints_per_vertex: 0, joints: vec![], joint_weights: vec![], ..mesh };
+    }
     mesh.source = merge(name, parts);
     mesh.source.notes.splice(0..0, file.take_notes());
     let stated = file.leave_out(at.floats_or_none("weights"), "list")?.unwrap_or_default();
@@ -424,12 +420,12 @@ fn sets_of_joints(primitive: &At<'_>) -> usize {
 }
 
 /// Reads all sets of joints and weights of a primitive; without any, weights are 0.
-fn add_influences(file: &Container, primitive: &At<'_>, count: usize, all: &mut Influences) -> Result<()> {
-    let each = all.per_vertex;
-    let first = all.weights.len();
+fn add_joints(file: &Container, primitive: &At<'_>, count: usize, mesh: &mut GltfMesh) -> Result<()> {
+    let each = mesh.joints_per_vertex;
+    let first = mesh.joint_weights.len();
     file.charge(primitive, count, each * (size_of::<u16>() + size_of::<f32>()))?;
-    all.joints.resize(first + each * count, 0);
-    all.weights.resize(first + each * count, 0.0);
+    mesh.joints.resize(first + each * count, 0);
+    mesh.joint_weights.resize(first + each * count, 0.0);
     let attributes = primitive.need("attributes")?;
     let of = |key: String| file.accessor(&attributes.need(&key)?)?.of_count(count, "vertices (POSITION)");
     let sets = sets_of_joints(primitive);
@@ -440,15 +436,15 @@ fn add_influences(file: &Container, primitive: &At<'_>, count: usize, all: &mut 
         for (v, (joints, weights)) in joints.into_iter().zip(weights).enumerate() {
             let at = first + each * v + 4 * set;
             // Joints are at most 16-bit numbers, as in glTF's types for them.
-            all.joints[at..at + 4].copy_from_slice(&joints.map(|joint| joint.min(u16::MAX.into()) as u16));
-            all.weights[at..at + 4].copy_from_slice(&weights.map(|weight| weight.max(0.0)));
+            mesh.joints[at..at + 4].copy_from_slice(&joints.map(|joint| joint.min(u16::MAX.into()) as u16));
+            mesh.joint_weights[at..at + 4].copy_from_slice(&weights.map(|weight| weight.max(0.0)));
             below += weights.iter().filter(|weight| **weight < 0.0).count();
         }
     }
     if below > 0 {
         file.note(primitive, format!("weights of joints below 0, taken for 0: {below}"));
     }
-    for weights in all.weights[first..].chunks_exact_mut(each.max(1)).filter(|_| sets > 0) {
+    for weights in mesh.joint_weights[first..].chunks_exact_mut(each.max(1)).filter(|_| sets > 0) {
         // The sum of quantised weights is not quite 1; if all weights are 0, the vertex follows its first joint.
         match weights.iter().copied().map(f64::from).sum::<f64>() {
             sum if sum > 0.0 => weights.iter_mut().for_each(|weight| *weight = (f64::from(*weight) / sum) as f32),
@@ -458,24 +454,24 @@ fn add_influences(file: &Container, primitive: &At<'_>, count: usize, all: &mut 
     Ok(())
 }
 
-impl Influences {
+impl GltfMesh {
     /// Iterates over the joints that a vertex follows, and their weights.
-    pub(super) fn of(&self, vertex: usize) -> impl Iterator<Item = (usize, f32)> {
-        let range = vertex * self.per_vertex..(vertex + 1) * self.per_vertex;
-        let all = self.joints[range.clone()].iter().zip(&self.weights[range]);
-        all.filter(|(_, weight)| **weight > 0.0).map(|(joint, weight)| (usize::from(*joint), *weight))
+    fn joints_of(&self, vertex: usize) -> impl Iterator<Item = (usize, f32)> {
+        let range = vertex * self.joints_per_vertex..(vertex + 1) * self.joints_per_vertex;
+        let joints = self.joints[range.clone()].iter().zip(&self.joint_weights[range]);
+        joints.filter(|(_, weight)| **weight > 0.0).map(|(joint, weight)| (usize::from(*joint), *weight))
     }
 
     /// Iterates over the joints that vertices follow, and their weights; a joint may come many times.
     pub(super) fn followed(&self) -> impl Iterator<Item = (usize, f32)> {
-        (0..self.weights.len() / self.per_vertex.max(1)).flat_map(|vertex| self.of(vertex))
+        (0..self.joint_weights.len() / self.joints_per_vertex.max(1)).flat_map(|vertex| self.joints_of(vertex))
     }
 
     /// Returns the matrix of a vertex where joints have these; the identity if it follows none.
     pub(super) fn blend(&self, vertex: usize, joints: &[DMat4]) -> DMat4 {
         let mut sum = DMat4::ZERO;
         let mut total = 0.0;
-        for (joint, weight) in self.of(vertex).map(|(joint, weight)| (joint, f64::from(weight))) {
+        for (joint, weight) in self.joints_of(vertex).map(|(joint, weight)| (joint, f64::from(weight))) {
             sum += joints[joint] * weight;
             total += weight;
         }

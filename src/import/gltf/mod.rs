@@ -36,11 +36,17 @@ mod scene;
 mod tests;
 mod weights;
 
-pub use animation::{Animation, Channel, Interpolation, Property};
+pub use animation::Animation;
+#[doc(hidden)]
+pub use animation::{Channel, Interpolation, Property};
 #[doc(hidden)]
 pub use material::Material;
-pub use mesh::{GltfMesh, Influences, Primitive};
-pub use scene::{Node, Skin, Transform};
+pub use mesh::GltfMesh;
+#[doc(hidden)]
+pub use mesh::Primitive;
+#[doc(hidden)]
+pub use scene::Transform;
+pub use scene::{Node, Skin};
 
 use super::{quoted, shortened, stem};
 use crate::asset::Mesh;
@@ -163,7 +169,7 @@ fn gltf(file: &Container) -> Result<Gltf> {
         let why = if names[i].is_empty() { &mut why_others } else { &mut why };
         let read = mesh::mesh(file, at, (name, &prefix), &stated, why);
         let mesh = file.leave_out_or_keep(read, "mesh", why)?.unwrap_or_default();
-        largest.push(mesh.influences.iter().flat_map(Influences::followed).map(|(joint, _)| joint).max());
+        largest.push(mesh.followed().map(|(joint, _)| joint).max());
         gltf.meshes.push(mesh);
     }
     // Nothing else can stand for the only mesh with targets, or the only one at all.
@@ -378,14 +384,14 @@ impl Gltf {
                     target.name = own.unwrap_or(&names[i]).to_owned();
                 }
                 let skin = node.and_then(|number| self.nodes[number].skin);
-                let influences = self.meshes[mesh].influences.as_ref().zip(skin.map(|skin| &joints[skin][..]));
-                match influences {
+                match skin {
                     None => {
-                        let place = node.filter(|_| skin.is_none()).map_or(DMat4::IDENTITY, |node| worlds[node]);
+                        let place = node.map_or(DMat4::IDENTITY, |node| worlds[node]);
                         assemble::transform(&mut source, |_| place);
                     }
-                    Some((influences, joints)) => {
-                        if let Some(v) = assemble::transform(&mut source, |v| influences.blend(v, joints)) {
+                    Some(skin) => {
+                        let blended = |v: usize| self.meshes[mesh].blend(v, &joints[skin]);
+                        if let Some(v) = assemble::transform(&mut source, blended) {
                             source.notes.push(format!("{name}: joints of scale 0 flatten it, as at vertex {v}"));
                         }
                         // Joints may part what was at one place, or bring it there.

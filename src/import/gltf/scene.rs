@@ -15,6 +15,7 @@ pub struct Node {
     /// Index of the parent; `None` for a root.
     pub parent: Option<usize>,
     /// Its transform relative to the parent while no animation changes it.
+    #[doc(hidden)]
     pub local: Transform,
     /// Whether it is in the scene to draw: the default scene, or else the first. If the file has no scenes, all nodes
     /// are.
@@ -30,6 +31,7 @@ pub struct Node {
 
 /// A transform as a file states it. Only `Parts` can be animated.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[doc(hidden)]
 pub enum Transform {
     /// Translation · rotation · scale.
     Parts {
@@ -50,7 +52,7 @@ pub enum Transform {
 pub struct Skin {
     /// Its name, which may be empty.
     pub name: String,
-    /// The nodes that are its joints; [`Influences::joints`](super::Influences::joints) are indices into them.
+    /// The nodes that are its joints; [`GltfMesh::joints`](super::GltfMesh::joints) are indices into them.
     pub joints: Vec<usize>,
     /// For each joint, the matrix from the space of the mesh to that of the joint in the bind pose.
     pub inverse_bind: Vec<Mat4>,

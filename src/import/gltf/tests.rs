@@ -85,7 +85,7 @@ fn primitives_are_one_mesh_and_strips_and_fans_are_triangles() {
             "JOINTS_1": joints, "WEIGHTS_1": weights, "JOINTS_2": joints, "WEIGHTS_2": weights}, "mode": 6, "targets": targets},
     ]}]);
     let read = file.read().unwrap();
-    let GltfMesh { source, primitives, influences, .. } = &read.meshes[0];
+    let mesh @ GltfMesh { source, primitives, .. } = &read.meshes[0];
     assert_eq!(source.faces.triangles(&source.positions), [[0, 1, 2], [1, 3, 2], [5, 6, 4], [6, 7, 4]]);
     assert_eq!((primitives[1].index, &primitives[1].vertices, &primitives[1].triangles), (2, &(4..8), &(2..4)));
     assert_eq!(source.targets[0].positions.len(), 8);
@@ -93,9 +93,8 @@ fn primitives_are_one_mesh_and_strips_and_fans_are_triangles() {
     // Places that all primitives share are welded; texture coordinates are there for one of them only.
     assert_eq!(source.welds, [0, 1, 2, 3, 0, 1, 2, 3]);
     assert_eq!((source.texcoords[0].x, source.texcoords[5].x), (0.0, 0.25));
-    let influences = influences.as_ref().unwrap();
-    assert_eq!((influences.per_vertex, influences.weights.len(), influences.joints.len()), (12, 96, 96));
-    assert_eq!(influences.weights[..48], [0.0; 48]);
-    assert_eq!(influences.weights[48..60], [[0.25, 1.0 / 12.0, 0.0, 0.0]; 3].concat());
+    assert_eq!((mesh.joints_per_vertex, mesh.joint_weights.len(), mesh.joints.len()), (12, 96, 96));
+    assert_eq!(mesh.joint_weights[..48], [0.0; 48]);
+    assert_eq!(mesh.joint_weights[48..60], [[0.25, 1.0 / 12.0, 0.0, 0.0]; 3].concat());
     source.kept(Tolerance::default()).unwrap();
 }

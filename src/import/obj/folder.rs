@@ -64,7 +64,7 @@ pub fn import_folder(folder: &Path) -> Result<Mesh> {
     let middle = far_middle(neutral.positions.iter().copied());
     if middle.abs().max_element() > FAR_OFF * diagonal(&neutral.positions) {
         origin = middle;
-        neutral = ObjFile::read_from(&neutral_path, origin)?;
+        neutral.positions = ObjFile::read_target(&neutral_path, origin)?.positions;
     }
     notes.extend(neutral.notes.iter().map(|note| format!("{file}: {note}")));
     if paths.is_empty() {
@@ -225,7 +225,7 @@ struct Neutral {
 impl Neutral {
     /// Reads a target. Returns it, and the remarks on it.
     fn target(&self, name: &str, path: &Path) -> Result<(MorphTarget, Vec<&'static str>)> {
-        let file = ObjFile::read_from(path, self.origin)?;
+        let file = ObjFile::read_target(path, self.origin)?;
         let base = &self.file.positions;
         const REMEDY: &str = "export every target from the neutral mesh, with the same vertices in the same order";
         let refuse = |what: String| Error::input(path, "", what, REMEDY);

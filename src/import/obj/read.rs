@@ -1,25 +1,29 @@
 //! Reads OBJ text into arrays, in the file's order.
 //!
-//! tobj reads the numbers of `v`, `vt` and `vn`, faces are read here: tobj has no line numbers, takes an index of 0 for
-//! a missing one, and repeats texture coordinates where a corner has none. Numbers are checked before it gets them.
+//! tobj reads texture coordinates, which only the neutral mesh has. The rest is read here: tobj drops vertices without
+//! a face, numbers the others by first use, and its errors name no line.
 
 use crate::asset::{CUT_ALL, CUT_MOST, Corner, Faces};
 use crate::error::{Error, Result, ensure};
 use crate::import::kinds::refuse_others;
 use crate::import::shortened;
 use crate::io::{TEXT_MAX, read_bounded};
-use bytemuck::cast_slice;
 use glam::{DVec3, Vec2, Vec3};
-use std::io::Write;
+use std::fmt::Write;
 use std::path::Path;
 
-/// The statements that are read; others are ignored. The first three list values.
-const KEYWORDS: [&[u8]; 4] = [b"v", b"vt", b"vn", b"f"];
-const FACE: usize = 3;
-const NAMES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+/// The statements that are read; others are ignored.
+const KEYWORDS: [&[u8]; 4] = [b"v", b"vn", b"f", b"vt"];
+const VERTEX: usize = 0;
+const NORMAL: usize = 1;
+const FACE: usize = 2;
+/// Those of a target, whose texture coordinates are not used.
+const OF_TARGETS: usize = 3;
+const NAMES: [&str; 4] = ["vertex", "normal", "face", "texture coordinate"];
 /// Numbers that a statement needs.
-const LEAST: [usize; 3] = [3, 1, 3];
+const LEAST: [usize; 4] = [3, 3, 0, 1];
 
+const SPLIT: &str = "split the mesh";
 const EXPORT_AGAIN: &str = "export the file again";
 const EXPORT_OBJ: &str = "export the mesh as Wavefront OBJ";
 const WRITE_CORNERS: &str = "write corners as v, v/vt, v//vn or v/vt/vn";
@@ -58,12 +62,13 @@ impl ObjFile {
     /// [`Error::Io`] if the file cannot be read; [`Error::Input`] with the line if its text cannot be used, or if it is
     /// larger than 1 GiB; [`Error::OutOfMemory`].
     pub fn read(path: &Path) -> Result<Self> {
-        Self::read_from(path, Vec3::ZERO)
+        Self::from_bytes(path, read_bounded(path, TEXT_MAX, SPLIT)?)
     }
 
-    /// Reads one OBJ file, with `origin` subtracted from positions before they are rounded to single precision.
-    pub(super) fn read_from(path: &Path, origin: Vec3) -> Result<Self> {
-        Self::scan(path, read_bounded(path, TEXT_MAX, "split the mesh")?, origin)
+    /// Reads the OBJ file of a target, without texture coordinates; `origin` is subtracted from positions before they
+    /// are rounded to single precision.
+    pub(super) fn read_target(path: &Path, origin: Vec3) -> Result<Self> {
+        Self::scan(path, read_bounded(path, TEXT_MAX, SPLIT)?, origin, &KEYWORDS[..OF_TARGETS])
     }
 
     /// Reads one OBJ file from text in memory, like [`read`](Self::read); `path` is only for messages.
@@ -71,54 +76,36 @@ impl ObjFile {
     /// # Errors
     /// [`Error::Input`] with the line if the text cannot be used; [`Error::OutOfMemory`].
     pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
-        Self::scan(path, bytes, Vec3::ZERO)
+        Self::scan(path, bytes, Vec3::ZERO, &KEYWORDS)
     }
 
-    fn scan(path: &Path, bytes: Vec<u8>, origin: Vec3) -> Result<Self> {
+    fn scan(path: &Path, bytes: Vec<u8>, origin: Vec3, keywords: &[&[u8]]) -> Result<Self> {
         refuse_others(path, &bytes, "an OBJ file")?;
         let bytes = prepared(bytes);
-        // Counted in advance: a face may name a vertex that is listed after it.
-        let mut counts = [0; 4];
-        statements(&bytes).for_each(|(_, kind, _)| counts[kind] += 1);
-        let what = "no 'v' line: not an OBJ file, or one without vertices";
-        ensure!(counts[0] > 0, Error::input(path, "", what, EXPORT_OBJ));
         let mut scan = Scan {
             path,
             origin: origin.as_dvec3(),
             line: 0,
-            text: ordering_face(counts),
-            counts,
-            seen: [0; 4],
-            faces: Faces::default(),
+            file: Self::default(),
+            texcoords: (0, String::new()),
             corner_normals: vec![],
-            lost: 0,
+            farthest: (0, 0),
             thin: 0,
         };
-        scan.text.reserve(bytes.len() + 1);
-        for (line, kind, rest) in statements(&bytes) {
+        for (line, kind, rest) in statements(&bytes, keywords) {
             scan.line = line;
+            let text = std::str::from_utf8(rest);
+            let text = text.map_err(|_| scan.error("bytes that are not UTF-8 text", EXPORT_AGAIN))?;
             if kind == FACE {
-                scan.face(rest)?;
+                scan.face(text)?;
             } else {
-                scan.values(kind, rest)?;
+                scan.values(kind, text)?;
             }
         }
-        let remedy = "export the file again, with one statement on a line";
-        let lost = || Error::input(path, "", "the parser lost numbers", remedy);
-        let mesh = values(&scan.text, counts).ok_or_else(lost)?;
-        Ok(scan.finish(&mesh))
+        let what = "no 'v' line: not an OBJ file, or one without vertices";
+        ensure!(!scan.file.positions.is_empty(), Error::input(path, "", what, EXPORT_OBJ));
+        scan.finish()
     }
-}
-
-/// The numbers of the `v`, `vt` and `vn` statements in `text`, by tobj; `None` where one is refused, or a vertex is not
-/// finite.
-fn values(text: &[u8], [v, vt, vn, _]: [usize; 4]) -> Option<tobj::Mesh> {
-    let options = tobj::LoadOptions::default();
-    let (mut models, _) = tobj::load_obj_buf(&mut &*text, &options, |_| Ok(Default::default())).ok()?;
-    let mesh = models.pop()?.mesh;
-    let found = [&mesh.positions, &mesh.texcoords, &mesh.normals].map(Vec::len);
-    let is_finite = mesh.positions.iter().all(|number| number.is_finite());
-    (found == [3 * v, 2 * vt, 3 * vn] && is_finite).then_some(mesh)
 }
 
 /// The text in lines that end in LF, each with a whole statement.
@@ -135,24 +122,20 @@ fn prepared(mut bytes: Vec<u8>) -> Vec<u8> {
     if bytes.contains(&b'\\') { join_lines(&bytes) } else { bytes }
 }
 
-/// Reads faces, and copies the other statements for tobj.
 struct Scan<'a> {
     path: &'a Path,
     /// Subtracted from positions.
     origin: DVec3,
     /// The line that the statement begins on.
     line: usize,
-    /// The statements for tobj.
-    text: Vec<u8>,
-    /// Number of statements of each keyword.
-    counts: [usize; 4],
-    /// Their number so far; a negative index counts back from it.
-    seen: [usize; 4],
-    faces: Faces,
+    /// Positions, normals and faces so far.
+    file: ObjFile,
+    /// The number of texture coordinates so far, and their statements.
+    texcoords: (usize, String),
     /// Index of the normal of each corner; `u32::MAX` where it has none.
     corner_normals: Vec<u32>,
-    /// Number of texture coordinates and normals that corners name, and that there are not.
-    lost: usize,
+    /// The largest index of a vertex that a face names, and its line: the vertex may follow.
+    farthest: (u32, usize),
     /// Number of faces of fewer than three corners.
     thin: usize,
 }
@@ -162,82 +145,87 @@ impl Scan<'_> {
         Error::input(self.path, format!(": line {}", self.line), what, remedy)
     }
 
-    fn text<'t>(&self, rest: &'t [u8]) -> Result<&'t str> {
-        std::str::from_utf8(rest).map_err(|_| self.error("bytes that are not UTF-8 text", EXPORT_AGAIN))
-    }
-
-    fn number(&self, word: &str) -> Result<f64> {
-        let number = if is_nan(word) { Ok(f64::NAN) } else { word.parse() };
+    /// Reads a number, less `offset`, in single precision.
+    fn number(&self, word: &str, offset: f64) -> Result<f32> {
+        let number = match offset {
+            0.0 => word.parse().ok(),
+            _ => word.parse().ok().map(|number: f64| (number - offset) as f32),
+        };
+        // No numbers, as programs on Windows write them.
+        let number = number.or_else(|| (word.contains(".#") || word.contains("nan(")).then_some(f32::NAN));
         let remedy =
             if word.contains(',') { "write numbers with a point, and spaces between them" } else { EXPORT_AGAIN };
-        number.map_err(|_| self.error(format!("'{}' is not a number", shortened(word)), remedy))
+        number.ok_or_else(|| self.error(format!("'{}' is not a number", shortened(word)), remedy))
     }
 
-    /// Copies the numbers that are used of a statement.
-    fn values(&mut self, kind: usize, rest: &[u8]) -> Result<()> {
-        let text = self.text(rest)?;
-        let given = text.split_whitespace().count();
+    fn values(&mut self, kind: usize, text: &str) -> Result<()> {
+        let mut words = [""; 5];
+        let mut given = 0;
+        for (place, word) in words.iter_mut().zip(text.split_ascii_whitespace()) {
+            *place = word;
+            given += 1;
+        }
         let what = || format!("a {} with {given} of {} numbers", NAMES[kind], LEAST[kind]);
         ensure!(given >= LEAST[kind], self.error(what(), EXPORT_AGAIN));
-        // One number more than three is a weight, several are a colour.
-        let weight = text.split_whitespace().nth(3).filter(|_| kind == 0 && given == 4);
-        let (used, divided) = if weight.is_some() { (4, ", divided by the fourth, its weight") } else { (3, "") };
-        let weight = weight.map_or(Ok(1.0), |word| self.number(word))?;
-        let origin = if kind == 0 { self.origin * weight } else { DVec3::ZERO };
-        self.text.extend_from_slice(KEYWORDS[kind]);
-        for (word, offset) in text.split_whitespace().take(used).zip(origin.extend(0.0).to_array()) {
-            let number = self.number(word)? - offset;
-            let is_finite = kind > 0 || ((number / weight) as f32).is_finite();
+        let [x, y, z, fourth, _] = words;
+        if kind == VERTEX {
+            // One number more than three is a weight, several are a colour.
+            let weight = if given == 4 { self.number(fourth, 0.0)? } else { 1.0 };
+            let DVec3 { x: left, y: below, z: behind } = self.origin * f64::from(weight);
+            let place = [self.number(x, left)?, self.number(y, below)?, self.number(z, behind)?];
+            let position = Vec3::from(place) / weight;
             let what = || {
+                let divided = if given == 4 { ", divided by the fourth, its weight" } else { "" };
                 let vertex = shortened(text.trim());
                 format!("the vertex '{vertex}' is not one of finite numbers of single precision{divided}")
             };
-            ensure!(is_finite, self.error(what(), "repair the mesh and export it again"));
-            self.text.push(b' ');
-            match word {
-                _ if number.is_nan() => self.text.extend_from_slice(b"nan"),
-                // Writing to memory cannot fail.
-                _ if offset != 0.0 => drop(write!(self.text, "{number}")),
-                word => self.text.extend_from_slice(word.as_bytes()),
-            }
+            ensure!(position.is_finite(), self.error(what(), "repair the mesh and export it again"));
+            self.file.positions.push(position);
+        } else if kind == NORMAL {
+            let normal = Vec3::new(self.number(x, 0.0)?, self.number(y, 0.0)?, self.number(z, 0.0)?);
+            self.file.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
+        } else {
+            let second = if given > 1 { y } else { "0" };
+            let is_finite = self.number(x, 0.0)?.is_finite() && self.number(second, 0.0)?.is_finite();
+            let [u, v] = if is_finite { [x, second] } else { ["nan"; 2] };
+            self.texcoords.0 += 1;
+            // Writing to memory cannot fail.
+            let _ = writeln!(self.texcoords.1, "vt {u} {v}");
         }
-        // The second texture coordinate where there is one alone; tobj ignores what follows two.
-        if kind == 1 {
-            self.text.extend_from_slice(b" 0");
-        }
-        self.text.push(b'\n');
-        self.seen[kind] += 1;
         Ok(())
     }
 
-    fn face(&mut self, rest: &[u8]) -> Result<()> {
-        let before = self.faces.corners.len();
-        for word in self.text(rest)?.split_whitespace() {
+    fn face(&mut self, text: &str) -> Result<()> {
+        let before = self.corner_normals.len();
+        for word in text.split_ascii_whitespace() {
             let [position, texcoord, normal] = self.corner(word)?;
             let Some(position) = position else {
                 return Err(self.error(format!("'{}' names no vertex", shortened(word)), WRITE_CORNERS));
             };
-            let has_room = u32::try_from(self.faces.corners.len()).is_ok();
-            ensure!(has_room, self.error("more than 4,294,967,295 face corners", "split the mesh"));
-            self.faces.corners.push(Corner { position, texcoord });
+            let has_room = u32::try_from(self.corner_normals.len()).is_ok();
+            ensure!(has_room, self.error("more than 4,294,967,295 face corners", SPLIT));
+            if position >= self.farthest.0 {
+                self.farthest = (position, self.line);
+            }
+            self.file.faces.corners.push(Corner { position, texcoord });
             self.corner_normals.push(normal.unwrap_or(u32::MAX));
         }
-        match self.faces.corners.len() - before {
+        match self.corner_normals.len() - before {
             ..3 => {
-                self.faces.corners.truncate(before);
+                self.file.faces.corners.truncate(before);
                 self.corner_normals.truncate(before);
                 self.thin += 1;
             }
             // All corners are counted in 32 bits.
-            size => self.faces.sizes.push(size as u32),
+            size => self.file.faces.sizes.push(size as u32),
         }
         Ok(())
     }
 
-    /// The vertex, texture coordinate and normal that a corner names.
-    fn corner(&mut self, word: &str) -> Result<[Option<u32>; 3]> {
+    /// The vertex, texture coordinate and normal that a corner names; the last two need not be there.
+    fn corner(&self, word: &str) -> Result<[Option<u32>; 3]> {
         let mut named = [None; 3];
-        // A positive index may refer to later lines; a negative one counts back from this line.
+        let seen = [self.file.positions.len(), self.texcoords.0, self.file.normals.len()];
         for (k, part) in word.split('/').enumerate() {
             let refuse = |what: &str| self.error(format!("'{}' {what}", shortened(word)), WRITE_CORNERS);
             ensure!(k < 3, refuse("has more than three indices"));
@@ -245,89 +233,81 @@ impl Scan<'_> {
                 continue;
             }
             let index: i64 = part.parse().map_err(|_| refuse("is not a corner of a face"))?;
-            let limit = if index < 0 { self.seen[k] } else { self.counts[k] } as i64;
-            let from_0 = if index < 0 { limit + index } else { index - 1 };
-            if (0..limit).contains(&from_0) {
-                // Files are too small for 2^32 lines of a keyword.
-                named[k] = Some(from_0 as u32);
-            } else if k > 0 {
-                self.lost += 1;
-            } else {
-                let place = if index < 0 { " before it" } else { "" };
-                let what = format!("vertex index {index}, but there are {limit} 'v' lines{place}, counted from 1");
-                return Err(self.error(what, EXPORT_AGAIN));
+            // A positive index may refer to later lines; a negative one counts back from this line.
+            let from_0 = if index < 0 { seen[k] as i64 + index } else { index - 1 };
+            if k == 0 && !(0..u32::MAX.into()).contains(&from_0) {
+                let before = || format!("there are {} 'v' lines before it", seen[0]);
+                let why = if index < 0 { before() } else { "vertices are counted from 1".to_owned() };
+                return Err(self.unknown(index, &why));
             }
+            // None is so far on.
+            named[k] = Some(u32::try_from(from_0).unwrap_or(u32::MAX - 1));
         }
         Ok(named)
     }
 
-    fn finish(self, mesh: &tobj::Mesh) -> ObjFile {
-        let Self { mut faces, corner_normals, mut lost, thin, .. } = self;
-        let mut texcoords: Vec<Vec2> = cast_slice(&mesh.texcoords).to_vec();
-        let mut normals: Vec<Vec3> = cast_slice(&mesh.normals).to_vec();
-        for corner in &mut faces.corners {
-            if corner.texcoord.is_some_and(|t| !texcoords[t as usize].is_finite()) {
-                corner.texcoord = None;
-                lost += 1;
-            }
+    fn unknown(&self, index: i64, why: &str) -> Error {
+        self.error(format!("vertex index {index}, but {why}"), EXPORT_AGAIN)
+    }
+
+    fn finish(mut self) -> Result<ObjFile> {
+        let (farthest, line) = self.farthest;
+        self.line = line;
+        let count = self.file.positions.len();
+        let is_there = line == 0 || (farthest as usize) < count;
+        ensure!(is_there, self.unknown(i64::from(farthest) + 1, &format!("there are {count} 'v' lines")));
+        let mut file = self.file;
+        let (count, text) = self.texcoords;
+        let texcoords = texcoords(text, count);
+        file.texcoords =
+            texcoords.ok_or_else(|| Error::input(self.path, "", "the parser lost numbers", EXPORT_AGAIN))?;
+        let mut lost = 0;
+        for corner in &mut file.faces.corners {
+            let stated = corner.texcoord.take();
+            corner.texcoord = stated.filter(|t| file.texcoords.get(*t as usize).is_some_and(|uv| uv.is_finite()));
+            lost += usize::from(corner.texcoord != stated);
         }
-        texcoords.iter_mut().filter(|texcoord| !texcoord.is_finite()).for_each(|texcoord| *texcoord = Vec2::ZERO);
-        normals.iter_mut().filter(|normal| !normal.is_finite()).for_each(|normal| *normal = Vec3::ZERO);
-        let any_normals = corner_normals.iter().any(|normal| *normal != u32::MAX);
-        let has_all = any_normals && !corner_normals.contains(&u32::MAX);
-        let mut notes = vec![];
-        if thin > 0 {
-            notes.push(format!("faces of fewer than three corners, left out: {thin}"));
+        file.texcoords.iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = Vec2::ZERO);
+        for normal in self.corner_normals.iter_mut().filter(|n| **n != u32::MAX && **n as usize >= file.normals.len()) {
+            *normal = u32::MAX;
+            lost += 1;
         }
-        let sizes = || faces.sizes.iter().map(|size| *size as usize);
-        let many = sizes().filter(|size| (33..=CUT_MOST).contains(size));
-        if many.map(|size| size.pow(3) as f64).sum::<f64>() > CUT_ALL as f64 {
-            notes.push("many large faces: the last concave ones may be cut as fans from the first corner".to_owned());
+        file.any_normals = self.corner_normals.iter().any(|normal| *normal != u32::MAX);
+        let has_all = file.any_normals && !self.corner_normals.contains(&u32::MAX);
+        file.corner_normals = has_all.then_some(self.corner_normals);
+        let sizes = || file.faces.sizes.iter().map(|size| *size as usize);
+        let many = sizes().filter(|size| (33..=CUT_MOST).contains(size)).map(|size| size.pow(3) as f64);
+        if many.sum::<f64>() > CUT_ALL as f64 {
+            let what = "many large faces: the last concave ones may be cut as fans from the first corner";
+            file.notes.push(what.to_owned());
         }
         let large = sizes().filter(|size| *size > CUT_MOST).count();
-        if large > 0 {
-            notes.push(format!("faces of more than {CUT_MOST} corners, cut as fans from the first one: {large}"));
-        }
-        if lost > 0 {
-            let what = "texture coordinates or normals of corners that are not there, or are no numbers, left out";
-            notes.push(format!("{what}: {lost}"));
-        }
-        ObjFile {
-            positions: cast_slice(&mesh.positions).to_vec(),
-            texcoords,
-            normals,
-            faces,
-            corner_normals: has_all.then_some(corner_normals),
-            any_normals,
-            notes,
-        }
-    }
-}
-
-/// Makes the one face that tobj gets, whose corners name every vertex, texture coordinate and normal in file order.
-///
-/// tobj numbers all three by first use and drops those that no face uses. With this face, the order of first use is the
-/// order of the file.
-fn ordering_face([v, vt, vn, _]: [usize; 4]) -> Vec<u8> {
-    let corners = v.max(vt).max(vn);
-    let mut line = Vec::with_capacity(corners * 24 + 2);
-    line.push(b'f');
-    for i in 1..=corners {
-        for (separator, n) in [(b' ', v), (b'/', vt), (b'/', vn)] {
-            line.push(separator);
-            if n > 0 {
-                // Writing to memory cannot fail.
-                let _ = write!(line, "{}", i.min(n));
+        for (count, what) in [
+            (self.thin, "faces of fewer than three corners, left out"),
+            (large, &format!("faces of more than {CUT_MOST} corners, cut as fans from the first one")),
+            (lost, "texture coordinates or normals of corners that are not there, or are no numbers, left out"),
+        ] {
+            if count > 0 {
+                file.notes.push(format!("{what}: {count}"));
             }
         }
+        Ok(file)
     }
-    line.push(b'\n');
-    line
 }
 
-/// Whether a word is no number as programs on Windows write it: 1.#QNAN, 1.#INF, nan(ind).
-fn is_nan(word: &str) -> bool {
-    word.contains(".#") || word.contains("nan(")
+/// The numbers of `count` statements `vt`, by tobj, which keeps only what corners of faces name, in the order of the
+/// first corner that does. `None` where one is refused.
+fn texcoords(mut text: String, count: usize) -> Option<Vec<Vec2>> {
+    if count == 0 {
+        return Some(vec![]);
+    }
+    text.push_str("v 0 0 0\nf");
+    // Writing to memory cannot fail.
+    (1..=count).for_each(|i| _ = write!(text, " 1/{i}"));
+    let options = tobj::LoadOptions::default();
+    let (mut models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| Ok(Default::default())).ok()?;
+    let numbers = models.pop()?.mesh.texcoords;
+    (numbers.len() == 2 * count).then(|| bytemuck::cast_slice(&numbers).to_vec())
 }
 
 /// Joins lines that end with a backslash to the next one. The line breaks move behind the joined line, so that later
@@ -354,15 +334,17 @@ fn join_lines(bytes: &[u8]) -> Vec<u8> {
     joined
 }
 
-/// Iterates over the statements that are read, one per line: the line, counted from 1; the place in `KEYWORDS`; and the
+/// Iterates over the statements that are read, one per line: the line, counted from 1; the place in `keywords`; and the
 /// text after it without comments.
-fn statements(bytes: &[u8]) -> impl Iterator<Item = (usize, usize, &[u8])> {
+fn statements<'a>(bytes: &'a [u8], keywords: &[&[u8]]) -> impl Iterator<Item = (usize, usize, &'a [u8])> {
     (1..).zip(bytes.split(|&b| b == b'\n')).filter_map(|(line, text)| {
-        // In 1.#QNAN no comment begins.
-        let comment = (0..text.len()).find(|&at| text[at] == b'#' && (at == 0 || text[at - 1] != b'.'));
-        let statement = text[..comment.unwrap_or(text.len())].trim_ascii_start();
+        let statement = text.trim_ascii_start();
         let end = statement.iter().position(u8::is_ascii_whitespace).unwrap_or(statement.len());
         let (keyword, rest) = statement.split_at(end);
-        Some((line, KEYWORDS.iter().position(|k| *k == keyword)?, rest))
+        let kind = keywords.iter().position(|k| *k == keyword)?;
+        // In 1.#QNAN no comment begins.
+        let is_comment = |at: &usize| rest[*at] == b'#' && (*at == 0 || rest[*at - 1] != b'.');
+        let comment = if rest.contains(&b'#') { (0..rest.len()).find(is_comment) } else { None };
+        Some((line, kind, &rest[..comment.unwrap_or(rest.len())]))
     })
 }

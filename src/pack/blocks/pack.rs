@@ -141,8 +141,8 @@ fn order_alike(order: &mut [u32], kept: &[Kept], steps: &[Steps], size: usize) {
     let all = kept.iter().zip(steps).flat_map(|(kept, steps)| kept.targets.iter().map(move |target| (target, steps)));
     for (number, (target, steps)) in all.enumerate() {
         for (vertex, delta) in target {
-            let rounded = std::array::from_fn(|c| quantise(delta[c], f64::from(steps[c / TRIPLE])));
-            moves[*vertex as usize].push((number, rounded));
+            let rounded = |c: usize| delta.get(c).map_or(0, |delta| quantise(*delta, f64::from(steps[c / TRIPLE])));
+            moves[*vertex as usize].push((number, std::array::from_fn(rounded)));
         }
     }
     alike::regroup(order, &moves, size, |vertices, low, high| small::entry_bits(size, vertices, low, high));

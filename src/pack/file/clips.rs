@@ -93,6 +93,14 @@ mod tests {
             let bytes = std::fs::read(&path).unwrap();
             assert_eq!((bytes[8], file::clips(&path, &bytes).unwrap()), (version, mesh.clips.clone()));
         }
+        // Damaged clips cost no more than themselves.
+        let mut bytes = std::fs::read(&path).unwrap();
+        let at = bytes.windows(4).position(|four| four == b"talk").unwrap();
+        bytes[at] ^= 1;
+        let damaged = PackedMesh::from_bytes(&path, &bytes).unwrap();
+        testing::says(Err::<(), _>(damaged.notes.join("\n")), &["section 'clips': the checksum", "are left out"]);
+        assert_eq!(PackedMesh { notes: vec![], ..damaged }, PackedMesh { clips: vec![], ..mesh.clone() });
+        testing::says(file::clips(&path, &bytes), &["section 'clips': the checksum does not match"]);
         for (clip, part) in [
             (WeightClip { fps: 0.0, ..made()[0].clone() }, "the frame rate is 0"),
             (WeightClip { values: vec![f32::NAN; 2], ..made()[0].clone() }, "the weight is NaN"),

@@ -86,7 +86,7 @@ pub(super) fn write(mesh: &PackedMesh) -> Result<Vec<u8>> {
 /// The clips of a file of these sections.
 pub(super) fn clips_of(path: &Path, sections: &Sections<'_>) -> Result<Vec<WeightClip>> {
     let place = (CLIPS, 0);
-    clips::read(sections.get(place)).map_err(|what| malformed(path, Some(place), what, INCONSISTENT))
+    clips::read(sections.get(place)?).map_err(|what| malformed(path, Some(place), what, INCONSISTENT))
 }
 
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PackedMesh> {
@@ -96,7 +96,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PackedMesh> {
     let refuse = |place: Place, what: String| malformed(path, Some(place), what, INCONSISTENT);
     // Counts are checked against section lengths before allocation.
     let sized = |place: Place, count: usize, stride: usize, of: &str| {
-        let bytes = sections.get(place);
+        let bytes = sections.get(place)?;
         let needed = count as u64 * stride as u64;
         let what = format!("has {} bytes; {count} {of} take {needed}", bytes.len());
         if bytes.len() as u64 == needed { Ok(bytes) } else { Err(refuse(place, what)) }
@@ -106,13 +106,13 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PackedMesh> {
         let bytes = sized(place, entries, 2, "entries")?;
         Ok(bytes.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b).into()).collect())
     };
-    let optional = |section, count, of| match sections.get((section, 0)).is_empty() {
+    let optional = |section, count, of| match sections.get((section, 0))?.is_empty() {
         true => Ok(vec![]),
         false => checked((section, 0), count, 4, of),
     };
 
     let at_meta = (META, 0);
-    let meta = sections.get(at_meta);
+    let meta = sections.get(at_meta)?;
     let words: Option<[u32; 11]> = words_of(meta).try_into().ok().filter(|_| meta.len().is_multiple_of(4));
     let [format, size, counts @ .., diagonal, weight_max, position, normal] =
         words.ok_or_else(|| refuse(at_meta, format!("has {} bytes, 44 expected", meta.len())))?;
@@ -122,11 +122,11 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PackedMesh> {
         .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
     let what = format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
     ensure!(target_count <= TARGETS_MAX, refuse(at_meta, what));
-    let head = |group| Head::parse(sections.get((GROUP, group))).map_err(|what| refuse((GROUP, group), what));
+    let head = |group| Head::parse(sections.get((GROUP, group))?).map_err(|what| refuse((GROUP, group), what));
     let heads = (0..sections.groups()).map(head).collect::<Result<Vec<_>>>()?;
     let laid_out = group_streams(heads.iter().flat_map(|head| &head.semantics).copied());
 
-    let names = names(sections.get((NAMES, 0)), target_count);
+    let names = names(sections.get((NAMES, 0))?, target_count);
     let names = names.map_err(|what| refuse((NAMES, 0), what))?;
     let (name, targets) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
     let order: Arc<[u32]> = checked((ORDER, 0), vertices, 4, "vertices")?.into();
@@ -166,6 +166,11 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PackedMesh> {
         let texcoord = corner_texcoords.get(i).copied().filter(|t| *t != u32::MAX);
         Corner { position, texcoord }
     };
+    let mut notes = vec![];
+    let clips = clips_of(path, &sections).unwrap_or_else(|error| {
+        notes.push(format!("{error}; the clips are left out"));
+        vec![]
+    });
     let mesh = PackedMesh {
         groups,
         faces: Faces {
@@ -175,7 +180,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PackedMesh> {
         texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
         welds: optional(WELDS, vertices, "vertices")?,
         tolerance: Tolerance { position, normal },
-        clips: clips_of(path, &sections)?,
+        clips,
+        notes,
     };
     mesh.check().map_err(|what| malformed(path, None, what, INCONSISTENT))?;
     mesh.complete()
@@ -207,7 +213,7 @@ impl Head {
             let stated = f64::from_bits(u64::from(low) | u64::from(high) << 32);
             ensure!(stated.is_finite() && stated >= 0.0, format!("names an error of {stated}"));
             semantics.push(semantic);
-            error = error.max(PoseError::only(semantic, stated));
+            error.add(semantic, stated);
         }
         let [blocks, entries, words] = [blocks, entries, words].map(|n| n as usize);
         Ok(Self { semantics, blocks, entries, words, steps: [first, second].map(f32::from_bits), error })

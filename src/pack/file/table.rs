@@ -74,17 +74,24 @@ fn id((section, group): Place) -> u32 {
 }
 
 pub(super) struct Sections<'a> {
-    contents: Vec<(Place, &'a [u8])>,
+    path: &'a Path,
+    /// Each with its checksum.
+    contents: Vec<(Place, u32, &'a [u8])>,
 }
 
 impl<'a> Sections<'a> {
-    pub fn get(&self, place: Place) -> &'a [u8] {
-        self.contents.iter().find(|(at, _)| *at == place).map_or(&[], |(_, bytes)| bytes)
+    /// The bytes of a section; none if the file does not have it.
+    pub fn get(&self, place: Place) -> Result<&'a [u8]> {
+        let found = self.contents.iter().find(|(at, ..)| *at == place);
+        let Some((_, checksum, bytes)) = found else { return Ok(&[]) };
+        let refuse = || malformed(self.path, Some(place), "the checksum does not match", DAMAGED);
+        ensure!(crc32fast::hash(bytes) == *checksum, refuse());
+        Ok(bytes)
     }
 
     /// The number of groups.
     pub fn groups(&self) -> usize {
-        self.contents.iter().map(|((_, group), _)| group + 1).max().unwrap_or(0)
+        self.contents.iter().map(|((_, group), ..)| group + 1).max().unwrap_or(0)
     }
 }
 
@@ -124,8 +131,8 @@ pub(super) fn join(contents: &[(Place, Vec<u8>)]) -> Vec<u8> {
     out
 }
 
-/// Splits a file into sections, checking every byte against the table and the checksums.
-pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
+/// Splits a file into sections, checking every byte outside of them.
+pub(super) fn split<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
     let refuse = |what: String, remedy: &str| malformed(path, None, what, remedy);
     let ends = |within: &str| refuse(format!("ends after {} bytes, within {within}", bytes.len()), DAMAGED);
     let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
@@ -151,7 +158,6 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         let word = |at: usize| u32_at(bytes, row + at).unwrap_or(0);
         let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
         let has = word(0);
-        let checksum = word(4);
         let offset = long(8);
         let length = long(16);
         let refuse = |what: String| malformed(path, Some(place), what, DAMAGED);
@@ -164,13 +170,11 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         let padding = bytes.get(end..next);
         let padding = padding.ok_or_else(|| refuse(format!("ends at {}; padding expected", bytes.len())))?;
         ensure!(padding.iter().all(|b| *b == 0), refuse("is not padded with zeros".into()));
-        let content = &bytes[at..end];
-        ensure!(crc32fast::hash(content) == checksum, refuse("the checksum does not match".into()));
-        contents.push((place, content));
+        contents.push((place, word(4), &bytes[at..end]));
         at = next;
     }
     ensure!(at == bytes.len(), refuse(format!("has {} bytes after the last section", bytes.len() - at), DAMAGED));
-    Ok(Sections { contents })
+    Ok(Sections { path, contents })
 }
 
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {

@@ -10,6 +10,7 @@ use super::{BlockFormat, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::ensure;
 use crate::pack::POSE_FLOATS;
+use crate::pack::source::largest;
 use std::ops::Range;
 
 /// Bits of an integer, by triple.
@@ -49,11 +50,8 @@ impl BlockFormat for Fast {
     /// Uses the smallest shift with which the integers fit.
     fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], [headers, deltas]: [&mut Vec<u32>; 2]) {
         let step = |triple: usize, shift: u32| f64::from(steps[triple]) * f64::from(1u32 << shift);
-        let fits = |triple: usize, shift: u32| {
-            let most = f64::from((1 << (BITS[triple] - 1)) - 1);
-            let mut components = lanes.iter().flat_map(|(_, d)| &d[TRIPLE * triple..TRIPLE * (triple + 1)]);
-            components.all(|v| (f64::from(*v) / step(triple, shift)).round().abs() <= most)
-        };
+        let largest = largest(lanes);
+        let fits = |triple: usize, shift: u32| quantise(largest[triple], step(triple, shift)) < 1 << (BITS[triple] - 1);
         let shifts = [0, 1].map(|triple| (0..31).find(|&s| fits(triple, s)).unwrap_or(31));
         headers.push(shifts[0] | shifts[1] << 8);
         let at = deltas.len();

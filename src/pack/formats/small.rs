@@ -72,7 +72,7 @@ impl Field {
 }
 
 /// The fewest bits of an entry of `vertices` records, with components from `low` to `high`.
-pub(crate) fn entry_bits(size: usize, vertices: usize, low: &Integers, high: &Integers) -> usize {
+pub(crate) fn entry_bits(size: usize, vertices: usize, low: &[i32], high: &[i32]) -> usize {
     let record: u32 = low.iter().zip(high).map(|(low, high)| Field::fitting(*low, *high).0).sum();
     let mask = if vertices < size { size / LANES } else { 0 };
     32 * (Small.header_words() + mask + (record as usize * vertices).div_ceil(32))
@@ -85,7 +85,8 @@ pub(crate) fn narrow(steps: [f32; TRIPLES], lanes: &mut [Lane], slack: &[[f64; T
         let exact = |(_, delta): &Lane| -> [f64; TRIPLE] {
             std::array::from_fn(|i| f64::from(delta[TRIPLE * triple + i]) / step)
         };
-        let mut rounded: Vec<[i32; TRIPLE]> = lanes.iter().map(|lane| exact(lane).map(|d| d.round() as i32)).collect();
+        let nearest = |(_, delta): &Lane| std::array::from_fn(|i| quantise(delta[TRIPLE * triple + i], step));
+        let mut rounded: Vec<[i32; TRIPLE]> = lanes.iter().map(nearest).collect();
         for c in 0..TRIPLE {
             let bounds = lanes.iter().zip(slack).zip(&rounded).map(|((lane, slack), rounded)| {
                 let exact = exact(lane);

@@ -1,4 +1,4 @@
-//! Instruction sets of path `cpu`, chosen at run time, since a build for baseline x86-64 has vectors of four numbers
+//! Instruction sets, chosen at run time, since a build for baseline x86-64 has vectors of four numbers
 //! only.
 //!
 //! Results do not depend on it: multiplications and additions are not fused, and their order is fixed. AVX-512 gained
@@ -28,4 +28,4 @@ macro_rules! widest {
         fearless_simd::dispatch!(level, $simd => $code)
     }};
 }
-pub(super) use widest;
+pub(crate) use widest;
