@@ -46,11 +46,10 @@ impl OutputTarget<'_> {
         outputs.map(|(buffer, offset)| Output { buffer, offset, stride, second }).collect()
     }
 
-    pub(super) fn reads(&self, context: &TargetContext<'_>) -> Result<Reads> {
-        Ok(match &self.joints {
-            None => Reads::Nothing,
-            Some(joints) => Reads::Skin(Skinned::new(joints, context)?),
-        })
+    pub(super) fn reads(&self, context: &TargetContext<'_>) -> Result<(Reads, u32)> {
+        let Some(joints) = &self.joints else { return Ok((Reads::Nothing, 0)) };
+        let (skinned, at) = Skinned::new(joints, context)?;
+        Ok((Reads::Skin(skinned), at))
     }
 }
 

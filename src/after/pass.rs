@@ -8,30 +8,18 @@ use crate::abi::modules::{Kernel, NORMALS, OUTPUT, OUTPUT_DUAL, OUTPUT_SKIN};
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::AfterPush;
 use crate::asset::streams::TRIPLE;
-use crate::error::{Result, ensure};
+use crate::error::{Result, ensure, refuse};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Ring;
 use crate::gpu::pipelines::{Kernels, Objects, PipelineKey, Pipelines, Workgroups};
 use crate::pack::vertex::OffsetConstants;
 use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
+use crate::plan::steps::{Source, Work};
 use crate::update::technique::PoseGroup;
 use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
-
-/// A dispatch of a pass.
-pub(super) struct Job {
-    /// Index in the ring of lists.
-    pub frame: u64,
-    pub slot: u32,
-    /// Index of the output buffer.
-    pub output: usize,
-    /// Number of pieces.
-    pub count: u32,
-    /// They are the list's; otherwise the first ones.
-    pub is_listed: bool,
-}
 
 /// What a pass reads beside poses.
 pub(super) enum Reads {
@@ -41,32 +29,18 @@ pub(super) enum Reads {
 }
 
 impl Reads {
-    /// The kernel, and the influences of each vertex.
-    fn kernel(&self) -> (&'static Kernel, u32) {
+    /// The kernel, the influences of each vertex, and what is bound beside poses, list and output.
+    fn bound(&self) -> (&'static Kernel, u32, Vec<BufferRange>) {
         match self {
-            Self::Nothing => (&OUTPUT, 0),
-            Self::Surface(_) => (&NORMALS, 0),
-            Self::Skin(skin) => match skin.method {
-                SkinMethod::Linear => (&OUTPUT_SKIN, skin.influences),
-                SkinMethod::DualQuaternion => (&OUTPUT_DUAL, skin.influences),
-            },
-        }
-    }
-
-    fn ranges(&self) -> Vec<BufferRange> {
-        match self {
-            Self::Nothing => vec![],
-            Self::Skin(skin) => vec![skin.attached.range(), skin.joints],
-            Self::Surface(surface) => vec![surface.attached.range()],
-        }
-    }
-
-    /// Index of the first vector of joints, or of the first word of fans.
-    fn at(&self) -> u32 {
-        match self {
-            Self::Nothing => 0,
-            Self::Skin(skin) => skin.joints_at,
-            Self::Surface(surface) => surface.attached.words_at(),
+            Self::Nothing => (&OUTPUT, 0, vec![]),
+            Self::Surface(surface) => (&NORMALS, 0, vec![surface.attached.range()]),
+            Self::Skin(Skinned { attached, influences, method, joints, .. }) => {
+                let kernel = match method {
+                    SkinMethod::Linear => &OUTPUT_SKIN,
+                    SkinMethod::DualQuaternion => &OUTPUT_DUAL,
+                };
+                (kernel, *influences, vec![attached.range(), *joints])
+            }
         }
     }
 
@@ -75,14 +49,6 @@ impl Reads {
         match self {
             Self::Surface(surface) => surface.spread.of(changed, written),
             Self::Nothing | Self::Skin(_) => written.add_all(changed),
-        }
-    }
-
-    /// Whether anything but the pose changed since the last call, so that everything is to be written.
-    pub fn take_changed(&mut self) -> bool {
-        match self {
-            Self::Skin(skin) => std::mem::take(&mut skin.is_moved),
-            Self::Nothing | Self::Surface(_) => false,
         }
     }
 }
@@ -120,17 +86,23 @@ pub(super) struct Pass {
 }
 
 impl Pass {
-    /// A pass with lists of pieces in `lists`, and one or two output buffers of the same layout.
-    pub fn new(context: &TargetContext<'_>, lists: &Ring, outputs: Vec<Output>, reads: Reads) -> Result<Self> {
+    /// A pass with lists of pieces in `lists`, and one or two output buffers of the same layout. What it reads begins
+    /// at `reads_at`: the index of the first vector of joints, or of the first word of fans.
+    pub fn new(
+        context: &TargetContext<'_>,
+        lists: &Ring,
+        outputs: Vec<Output>,
+        (reads, reads_at): (Reads, u32),
+    ) -> Result<Self> {
         let layout = context.layout();
         let poses = context.group.poses;
-        let (kernel, influences) = reads.kernel();
+        let (kernel, influences, ranges) = reads.bound();
         let offsets = poses.offset_constants();
         let kernel = context.kernels.get(Key { kernel, pose: poses.format, influences, offsets })?;
         let list = |frame| BufferRange { size: 4 * u64::from(context.pieces()), ..lists.range(frame) };
         let set = |frame, output: &Output| {
             let own = [context.poses(), list(frame), output.range(layout)];
-            own.into_iter().chain(reads.ranges()).collect::<Vec<_>>()
+            own.into_iter().chain(ranges.clone()).collect::<Vec<_>>()
         };
         let frames = 0..u64::from(context.frames);
         let bound: Vec<_> = frames.flat_map(|frame| outputs.iter().map(move |output| set(frame, output))).collect();
@@ -141,18 +113,23 @@ impl Pass {
             stride: outputs[0].stride / 4,
             normal_at: outputs[0].second.unwrap_or(0) / 4,
             vertices: layout.vertex_count as u32,
+            reads_at,
             // The rest is of each dispatch.
             ..Default::default()
         };
         Ok(Self { sets: kernel.objects.sets(&bound)?, kernel, outputs, reads, push, pose_numbers: poses.numbers() })
     }
 
-    /// The skin, if it has one.
-    pub fn skin(&mut self) -> Option<&mut Skinned> {
-        match &mut self.reads {
-            Reads::Skin(skin) => Some(skin),
-            Reads::Nothing | Reads::Surface(_) => None,
-        }
+    /// Sets the offset of the joints.
+    ///
+    /// # Errors
+    /// There are none; an invalid offset.
+    pub fn set_joints(&mut self, offset: u64) -> Result<()> {
+        let Reads::Skin(skin) = &self.reads else {
+            return refuse("an instance that is not skinned", "set an output target with joints");
+        };
+        self.push.reads_at = skin.place(offset)?;
+        Ok(())
     }
 
     /// Records a dispatch.
@@ -160,17 +137,19 @@ impl Pass {
     /// # Safety
     /// See [`Technique::record`](crate::update::technique::Technique::record); the target's buffers live until it has
     /// finished.
-    pub unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
+    pub unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, is_listed: bool) {
+        let (Source::Slot(slot), output, count) = (work.source, work.destination as usize, work.items.end) else {
+            return;
+        };
         let push = AfterPush {
-            pose_at: job.slot * self.pose_numbers,
-            written_at: self.outputs[job.output].first_word(),
-            reads_at: self.reads.at(),
-            count: job.count,
-            listed: job.is_listed.into(),
+            pose_at: slot * self.pose_numbers,
+            written_at: self.outputs[output].first_word(),
+            count,
+            listed: is_listed.into(),
             ..self.push
         };
-        let workgroups = Workgroups::Of([job.count.div_ceil(WORKGROUP / PIECE), 1]);
-        let set = self.sets.get(job.frame as usize * self.outputs.len() + job.output);
+        let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
+        let set = self.sets.get(frame as usize * self.outputs.len() + output);
         // SAFETY: the caller's obligations; the list was made for this frame, and the set for this layout.
         unsafe { self.kernel.objects.dispatch(cmd, 0, (set, &[]), bytes_of(&push), workgroups) };
     }

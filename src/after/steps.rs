@@ -2,7 +2,7 @@
 
 use super::normals::{GpuNormals, NormalsTarget};
 use super::output::{Output, OutputTarget, OutputView};
-use super::pass::{Job, Pass, Reads, TargetContext};
+use super::pass::{Pass, Reads, TargetContext};
 use super::pieces::Pieces;
 use crate::abi::numbers::PIECE;
 use crate::error::{Error, Result};
@@ -38,6 +38,8 @@ struct Target {
     is_stale: bool,
     /// The last update that wrote the buffer; 0: none, or it was discarded.
     written_by: u64,
+    /// Joints were set since the last update.
+    is_moved: bool,
     /// The instance was removed: nothing is written.
     is_removed: bool,
     /// Source slot and number of pieces of the update planned last.
@@ -58,8 +60,7 @@ impl After {
     /// # Errors
     /// An invalid target or skin; no memory. Nothing changes then.
     pub fn set_output(&mut self, context: &TargetContext<'_>, target: &OutputTarget<'_>) -> Result<()> {
-        let what = if target.joints.is_some() { "a skinned output target" } else { "an output target" };
-        self.set(context, PostMorphPass::Output, what, target.outputs(), target.reads(context)?)
+        self.set(context, PostMorphPass::Output, "an output target", target.outputs(), target.reads(context)?)
     }
 
     /// Sets the target for the normals of an instance.
@@ -82,9 +83,9 @@ impl After {
         kind: PostMorphPass,
         what: &str,
         outputs: Vec<Output>,
-        reads: Reads,
+        reads: (Reads, u32),
     ) -> Result<()> {
-        context.check(what, &outputs, &reads)?;
+        context.check(what, &outputs, &reads.0)?;
         let TargetContext { instance, frames, .. } = *context;
         let changed = Pieces::none(context.pieces());
         let list_bytes = Ring::part_bytes(4 * u64::from(changed.count()));
@@ -108,6 +109,7 @@ impl After {
             reset_by: 0,
             is_stale: true,
             written_by: 0,
+            is_moved: false,
             is_removed: false,
             planned: None,
             is_listed: false,
@@ -135,9 +137,12 @@ impl After {
     /// # Errors
     /// An instance that is not skinned; an invalid offset.
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
-        let skins = self.of(instance).filter(|target| !target.is_removed).filter_map(|target| target.pass.skin());
         let none = || Error::invalid(format!("instance {instance} is not skinned"), "set an output target with joints");
-        skins.last().ok_or_else(none)?.move_to(offset)
+        let mut targets = self.of(instance).filter(|target| !target.is_removed && target.kind == PostMorphPass::Output);
+        let target = targets.next().ok_or_else(none)?;
+        target.pass.set_joints(offset)?;
+        target.is_moved = true;
+        Ok(())
     }
 
     /// Locations of an instance's output.
@@ -231,11 +236,10 @@ impl After {
     #[allow(unsafe_code)]
     pub unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: PostMorphPass, work: &Work) {
         let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance));
-        let (Some(target), Source::Slot(slot)) = (target, work.source) else { return };
-        let output = work.destination as usize;
-        let job = Job { frame, slot, output, count: work.items.end, is_listed: target.is_listed };
-        // SAFETY: the caller's obligations.
-        unsafe { target.pass.record(cmd, &job) };
+        if let Some(target) = target {
+            // SAFETY: the caller's obligations.
+            unsafe { target.pass.record(cmd, frame, work, target.is_listed) };
+        }
     }
 }
 
@@ -247,7 +251,7 @@ impl Target {
         self.changed.clear();
         changed.iter().for_each(|range| self.moved.add(range.start / PIECE..range.end.div_ceil(PIECE)));
         self.pass.reads.spread(&self.moved, &mut self.changed);
-        if self.pass.reads.take_changed() || self.is_stale {
+        if std::mem::take(&mut self.is_moved) || self.is_stale {
             self.changed.add(0..all);
         }
         let is_reset = std::mem::take(&mut self.is_reset);

@@ -42,13 +42,13 @@ impl GpuNormals {
         Ok(Self { surface: Arc::new(Surface { attached, spread }), staging: Some(upload) })
     }
 
-    /// What a pass reads of it.
+    /// What a pass reads of it, and the first word of its fans.
     ///
     /// # Errors
     /// A surface of another engine, mesh or packing.
-    pub(in crate::after) fn reads(&self, context: &TargetContext<'_>) -> Result<Reads> {
+    pub(in crate::after) fn reads(&self, context: &TargetContext<'_>) -> Result<(Reads, u32)> {
         self.surface.attached.check("a surface", context.device, context.layout())?;
-        Ok(Reads::Surface(self.surface.clone()))
+        Ok((Reads::Surface(self.surface.clone()), self.surface.attached.words_at()))
     }
 
     /// Frees the staging memory. Call it when the upload has finished, or if it will never run:

@@ -60,16 +60,15 @@ pub(super) struct Skinned {
     pub method: SkinMethod,
     /// Where joints may be.
     pub joints: BufferRange,
-    /// Index of the instance's first vector of joints.
-    pub joints_at: u32,
-    pub is_moved: bool,
     joint_count: u32,
 }
 
 impl Skinned {
+    /// The skin of an instance, and the index of its first vector of joints.
+    ///
     /// # Errors
     /// A skin of another engine, mesh or packing; joints that do not fit their buffer, or its buffer the device.
-    pub fn new(joints: &Joints<'_>, context: &TargetContext<'_>) -> Result<Self> {
+    pub fn new(joints: &Joints<'_>, context: &TargetContext<'_>) -> Result<(Self, u32)> {
         let &Joints { skin, buffer, bytes, offset, method } = joints;
         let device = context.device;
         skin.attached.check("a skin", device, context.layout())?;
@@ -78,23 +77,22 @@ impl Skinned {
         let joints = BufferRange::new(buffer, 0, bytes);
         let GpuSkin { attached, influences, joint_count, .. } = skin;
         let (attached, influences, joint_count) = (attached.clone(), *influences, *joint_count);
-        let mut skinned = Self { attached, influences, method, joints, joints_at: 0, is_moved: false, joint_count };
-        skinned.move_to(offset)?;
-        Ok(skinned)
+        let skinned = Self { attached, influences, method, joints, joint_count };
+        let at = skinned.place(offset)?;
+        Ok((skinned, at))
     }
 
-    /// Takes new joints, at this offset.
+    /// The index of the first vector of joints at this offset.
     ///
     /// # Errors
     /// A misaligned offset; joints beyond the end of their buffer.
-    pub fn move_to(&mut self, offset: u64) -> Result<()> {
+    pub fn place(&self, offset: u64) -> Result<u32> {
         let Self { joint_count, joints, .. } = *self;
         let size = self.method.joint_bytes() * u64::from(joint_count);
         let fits = offset.is_multiple_of(16) && offset.checked_add(size).is_some_and(|end| end <= joints.size);
         let buffer = format!("a buffer with {} bytes of joints", joints.size);
         let text = format!("{joint_count} joints of {size} bytes at offset {offset} of {buffer}");
         ensure!(fits, text, "use a multiple of 16, and a buffer with room for all joints after it");
-        (self.joints_at, self.is_moved) = ((offset / 16) as u32, true);
-        Ok(())
+        Ok((offset / 16) as u32)
     }
 }
