@@ -212,11 +212,11 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     }
     let held = input.held(settings)?;
     let bound = input.bind(&clip, &held).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
-    let note = |text: &str| input.out.iter().for_each(|out| out.warn(format_args!("clip '{}': {text}", clip.name)));
-    bound.notes.iter().for_each(|text| note(text));
+    let warn = |text: &str| input.out.iter().for_each(|out| out.warn(format_args!("clip '{}': {text}", clip.name)));
+    bound.notes.iter().for_each(|text| warn(text));
     let most = bound.largest();
     if most >= PERCENT {
-        note(&format!("weights up to {most}, but 1 applies a target in full: are they percentages?"));
+        warn(&format!("weights up to {most}, but 1 applies a target in full: are they percentages?"));
     }
     Ok(bound)
 }
@@ -308,8 +308,8 @@ impl Input {
 
     /// What was read; without it a warning says why.
     pub fn unless_bad<T>(&self, clip: Result<T, impl Into<Failure>>) -> Option<T> {
-        let note = |why: Failure| self.out.iter().for_each(|out| out.warn(format_args!("{why}; skipped")));
-        clip.map_err(Into::into).map_err(note).ok()
+        let warn = |why: Failure| self.out.iter().for_each(|out| out.warn(format_args!("{why}; skipped")));
+        clip.map_err(Into::into).map_err(warn).ok()
     }
 
     /// Binds a clip to the targets, of which some are `held` at other weights.

@@ -42,7 +42,7 @@ impl PoseBounds {
         Ok(Self { of_weights: WeightBounds::new(mesh, update)?, drift: 1e-5 * mesh.layout().diagonal })
     }
 
-    /// Notes a recorded update.
+    /// Follows a recorded update.
     pub(crate) fn updated(&mut self, stats: &UpdateStats) {
         self.drift = self.drift.max(stats.bound);
     }

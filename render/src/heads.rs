@@ -239,7 +239,7 @@ impl Heads {
         Ok(Updated { stats, cpu_ms, ticket })
     }
 
-    /// Tells that the commands of an update will never run.
+    /// Takes back an update whose commands will never run.
     ///
     /// # Errors
     /// The update is that of other heads.

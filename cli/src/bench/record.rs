@@ -96,17 +96,17 @@ pub struct SuiteRecord {
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RunRecord {
     /// Its suite; empty in an ordinary run.
-    #[serde(skip_serializing_if = "String::is_empty")]
-    pub suite: String,
+    #[serde(skip_serializing_if = "str::is_empty")]
+    pub suite: &'static str,
     /// The work that it has in common with the configurations measured in turns with it.
     pub cell: String,
     /// Its path, with what is not the default of the path: mode, pose format, animated on the device.
     pub technique: String,
     pub mesh: String,
     pub targets: usize,
-    pub path: String,
+    pub path: &'static str,
     /// "incremental" or "rebuild".
-    pub mode: String,
+    pub mode: &'static str,
     /// Targets per pass: a number, or "all".
     #[serde(serialize_with = "write_batch")]
     pub batch_size: BatchSize,
@@ -132,9 +132,9 @@ pub struct RunRecord {
     /// Whether it was measured after the others, for lack of memory: its ratios are of medians, not of rounds.
     pub alone: bool,
     /// "float" or "exact".
-    pub accumulate: String,
+    pub accumulate: &'static str,
     /// Pose format.
-    pub pose: String,
+    pub pose: &'static str,
     /// Changes too small to move a vertex this far were deferred; in input units, 0 if none were.
     pub error_budget: f32,
     /// Blocks written per frame and instance (block formats).
@@ -143,7 +143,7 @@ pub struct RunRecord {
     /// Those of them that were rebuilt from the base pose.
     #[serde(serialize_with = "whole")]
     pub rebuilt_blocks: f64,
-    pub format: String,
+    pub format: &'static str,
     /// Pose buffers per instance.
     pub slots: u32,
     /// Passes per frame and instance: `coefficients` over `batch_size`, rounded up in each frame.

@@ -151,7 +151,7 @@ impl<'a> Session<'a> {
     fn keep(&mut self, cell: &str, outcome: Outcome) -> Option<RunRecord> {
         match outcome {
             Ok(run) => {
-                let suite = self.report.suites.last().map_or(String::new(), |suite| suite.name.into());
+                let suite = self.report.suites.last().map_or("", |suite| suite.name);
                 let run = RunRecord { suite, cell: cell.into(), ..run };
                 self.report.runs.push(run.clone());
                 Some(run)

@@ -8,7 +8,13 @@ use deltamorph::BatchSize::{self, All, Targets};
 const TARGETS: f64 = 72.0;
 
 /// A run in which each coefficient and each pass take the given number of ms.
-fn run(path: &str, format: &str, batch: BatchSize, changed: f64, [coefficient, pass]: [f64; 2]) -> RunRecord {
+fn run(
+    path: &'static str,
+    format: &'static str,
+    batch: BatchSize,
+    changed: f64,
+    [coefficient, pass]: [f64; 2],
+) -> RunRecord {
     let coefficients = (2.0 * changed).min(TARGETS);
     let passes = match batch {
         Targets(n) => (coefficients / f64::from(n)).ceil(),
@@ -21,8 +27,8 @@ fn run(path: &str, format: &str, batch: BatchSize, changed: f64, [coefficient, p
         technique: path.into(),
         mesh: "head".into(),
         targets: 72,
-        path: path.into(),
-        mode: "incremental".into(),
+        path,
+        mode: "incremental",
         batch_size: batch,
         batch_max: (path == "feedback").then_some(if format == "float32" { 7 } else { 14 }),
         workload: "random".into(),
@@ -30,9 +36,9 @@ fn run(path: &str, format: &str, batch: BatchSize, changed: f64, [coefficient, p
         coefficients,
         active: TARGETS,
         heads: 1,
-        accumulate: "float".into(),
-        pose: "float32".into(),
-        format: format.into(),
+        accumulate: "float",
+        pose: "float32",
+        format,
         slots: 2,
         passes,
         gpu_ms: stats(ms).filter(|_| path != "cpu"),
@@ -91,10 +97,10 @@ pub fn report() -> Report {
 }
 
 /// A run of `technique` in a suite, with these times in its rounds.
-pub fn technique(technique: &str, rounds: &[f64]) -> RunRecord {
+pub fn technique(technique: &'static str, rounds: &[f64]) -> RunRecord {
     let times = Stats::of(rounds);
     RunRecord {
-        suite: "techniques".into(),
+        suite: "techniques",
         cell: "dense <1>, 1 head".into(),
         rounds: rounds.iter().map(|&ms| Round { ms, update_ms: ms / 2.0 }).collect(),
         update_and_draw_ms: times.filter(|_| technique != "cpu"),

@@ -7,7 +7,7 @@ use crate::table::{Column, NONE, Table, bytes, count, optional, percent, sig3};
 pub fn runs(runs: &[RunRecord]) -> Table {
     let columns: &[Column<'_, RunRecord>] = &[
         ("technique", &|run| run.technique.clone()),
-        ("format", &|run| run.format.clone()),
+        ("format", &|run| run.format.into()),
         ("batch", &|run| run.batch_size.to_string()),
         ("ms/frame", &|run| if run.verified { optional(run.time().map(|t| t.median)) } else { "WRONG".into() }),
         ("rounds", &|run| match run.rounds_ratio {

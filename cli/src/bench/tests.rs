@@ -43,7 +43,7 @@ fn sentences_compare_runs_of_one_cell() {
     report.runs.retain(|run| run.changed == 72.0);
     let fixed = |run: RunRecord| {
         let gpu_ms = run.gpu_ms.map(|time| Stats { median: time.median / 2.0, ..time });
-        RunRecord { gpu_ms, pose: "fixed32".into(), technique: format!("{} fixed32", run.technique), ..run }
+        RunRecord { gpu_ms, pose: "fixed32", technique: format!("{} fixed32", run.technique), ..run }
     };
     report.runs.extend(report.runs.clone().into_iter().map(fixed));
     let told = sentences(&report)[1].clone();

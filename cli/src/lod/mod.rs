@@ -59,7 +59,7 @@ struct Point {
 pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, false, out)?;
-    let names: Vec<&str> = input.kept.targets.iter().map(|t| t.name.as_str()).collect();
+    let names = input.targets();
     if let Some(pin) = args.pin.iter().find(|pin| !names.iter().any(|name| is_pinned(name, std::slice::from_ref(pin))))
     {
         let near = closest(pin, &names).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));

@@ -44,6 +44,10 @@ pub struct Agreement {
     pub spearman: f64,
 }
 
+fn sign(x: f64) -> f64 {
+    if x == 0.0 { 0.0 } else { x.signum() }
+}
+
 /// Kendall's tau-b: pairs in the same order minus pairs in opposite orders, over the geometric mean of the pairs
 /// without ties in each list. 0 if all values of a list are equal.
 pub fn kendall(a: &[f64], b: &[f64]) -> f64 {
@@ -51,7 +55,7 @@ pub fn kendall(a: &[f64], b: &[f64]) -> f64 {
     let mut pairs = [0.0; 2];
     for i in 0..a.len() {
         for j in 0..i {
-            let signs = [a[i] - a[j], b[i] - b[j]].map(|d| if d == 0.0 { 0.0 } else { d.signum() });
+            let signs = [sign(a[i] - a[j]), sign(b[i] - b[j])];
             agree += signs[0] * signs[1];
             pairs.iter_mut().zip(signs).for_each(|(n, sign)| *n += sign.abs());
         }
@@ -62,17 +66,10 @@ pub fn kendall(a: &[f64], b: &[f64]) -> f64 {
 
 /// Spearman's rho: the correlation of ranks; ties have their mean rank. 0 if all values of a list are equal.
 pub fn spearman(a: &[f64], b: &[f64]) -> f64 {
-    let ranks = |list: &[f64]| -> Vec<f64> {
-        let rank = |v: &f64| {
-            let below = list.iter().filter(|o| *o < v).count() as f64;
-            below + (list.iter().filter(|o| *o == v).count() as f64 + 1.0) / 2.0
-        };
-        let ranks: Vec<f64> = list.iter().map(rank).collect();
-        let mean = ranks.iter().sum::<f64>() / ranks.len().max(1) as f64;
-        ranks.iter().map(|r| r - mean).collect()
-    };
-    let a = ranks(a);
-    let b = ranks(b);
+    // Less the mean of all, and doubled.
+    let ranks =
+        |list: &[f64]| -> Vec<f64> { list.iter().map(|v| list.iter().map(|other| sign(v - other)).sum()).collect() };
+    let (a, b) = (ranks(a), ranks(b));
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let all = (dot(&a, &a) * dot(&b, &b)).sqrt();
     if all > 0.0 { dot(&a, &b) / all } else { 0.0 }

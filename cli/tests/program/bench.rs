@@ -103,13 +103,13 @@ fn the_main_comparison_is_brief_and_prints_as_it_goes() {
     let report = folder.path().join("report");
     let args = "bench --device llvmpipe --frames 20 --time-limit 0.05 --report";
     let out = deltamorph(&args.split(' ').chain([report.to_str().unwrap()]).chain(HEAD).collect::<Vec<_>>());
-    let [said, notes] = [out.stdout, out.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-    assert!(out.status.success(), "{notes}");
+    let [said, warnings] = [out.stdout, out.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert!(out.status.success(), "{warnings}");
     for (group, words) in ["1 of 2: 8 of 12 targets changed, 1 head: ", "2 of 2: 12 of 12 targets changed, 1 head: "]
         .into_iter()
         .zip(["configurations in 10 rounds; up to ", " s left"])
     {
-        assert!(notes.lines().any(|line| line.starts_with(group)) && notes.contains(words), "{notes}");
+        assert!(warnings.lines().any(|line| line.starts_with(group)) && warnings.contains(words), "{warnings}");
     }
     let text = std::fs::read_to_string(report.join("report.json")).unwrap();
     let runs = serde_json::from_str::<Value>(&text).unwrap()["runs"].as_array().unwrap().clone();
@@ -141,9 +141,9 @@ fn the_main_comparison_is_brief_and_prints_as_it_goes() {
 #[test]
 fn without_a_vulkan_device_the_cpu_path_takes_over_and_says_so() {
     let out = without_drivers(&[&["bench", "--frames", "2", "--no-report", "--json", "-"], &HEAD[..]].concat());
-    let notes = String::from_utf8(out.stderr).unwrap();
-    assert!(out.status.success(), "{notes}");
-    assert!(notes.contains("continuing with the path 'cpu'"), "{notes}");
+    let warnings = String::from_utf8(out.stderr).unwrap();
+    assert!(out.status.success(), "{warnings}");
+    assert!(warnings.contains("continuing with the path 'cpu'"), "{warnings}");
     let report: Value = serde_json::from_slice(&out.stdout).unwrap();
     assert!(report["runs"].as_array().unwrap().iter().all(|r| r["path"] == "cpu" && r["verified"] == true));
     assert!(report["skipped"][0]["reason"].as_str().unwrap().contains("'cpu' needs none"), "{report}");

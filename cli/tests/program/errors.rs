@@ -160,7 +160,7 @@ fn a_base_much_smaller_than_its_targets_is_posed() {
 }
 
 #[test]
-fn what_a_pose_format_loses_is_told_by_info_and_by_those_that_take_it() {
+fn what_a_pose_format_loses_is_reported_by_info_and_by_those_that_take_it() {
     let folder = Folder::new();
     let out = &*folder.at("out.obj");
     let base = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
@@ -174,10 +174,10 @@ fn what_a_pose_format_loses_is_told_by_info_and_by_those_that_take_it() {
         let how = ["--path", "cpu", "--format", "small", "--pose", pose, "--set", &sets.join(",")];
         let args = [&["apply", &dir], &how[..], &["-o", out, "--json", "-"]].concat();
         let run = crate::cli::deltamorph(&args);
-        let (said, told) = (String::from_utf8(run.stderr).unwrap(), serde_json::from_slice::<Value>(&run.stdout));
+        let (said, report) = (String::from_utf8(run.stderr).unwrap(), serde_json::from_slice::<Value>(&run.stdout));
         // What `apply` takes, `info` describes, at the largest weight that both take by default.
-        let told = told.unwrap();
-        let number = |field: &str| told[field].as_f64().unwrap();
+        let report = report.unwrap();
+        let number = |field: &str| report[field].as_f64().unwrap();
         let off = number("max_error_rel");
         assert!(off <= stated["max_error_rel"].as_f64().unwrap(), "{pose}: {off}, {stated}");
         assert!(stated["grid"].is_null() || stated["grid"]["weight_max"] == 1.0, "{stated}");
@@ -190,7 +190,7 @@ fn what_a_pose_format_loses_is_told_by_info_and_by_those_that_take_it() {
 }
 
 #[test]
-fn a_clip_that_cannot_be_read_is_left_out_with_a_note() {
+fn a_clip_that_cannot_be_read_is_left_out_with_a_warning() {
     let folder = Folder::new();
     let (dir, _) = written(folder.0.path());
     folder.file("mesh/weights/bad.csv", "t00,t01\n0.5,yes\n");
@@ -199,8 +199,8 @@ fn a_clip_that_cannot_be_read_is_left_out_with_a_note() {
         let out = crate::cli::deltamorph(args);
         let said = String::from_utf8(out.stderr).unwrap();
         assert!(out.status.success() && (args[0] == "pack" || said.contains("bad.csv")), "{args:?}: {said}");
-        let told: Value = serde_json::from_slice(&out.stdout).unwrap();
-        assert!(args[0] == "pack" || told["clips"].as_array().unwrap().len() == 1, "{told}");
+        let report: Value = serde_json::from_slice(&out.stdout).unwrap();
+        assert!(args[0] == "pack" || report["clips"].as_array().unwrap().len() == 1, "{report}");
     }
 }
 

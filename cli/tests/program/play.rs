@@ -67,19 +67,19 @@ fn a_device_plays_and_plans_a_clip() {
     let (_folder, dir) = sample();
     let play =
         |more: &[&str]| json(&[&["play", &dir, "--device", "llvmpipe", "--every", "5", "--json", "-"], more].concat());
-    let (out, told) = (play(&["--animated"]), play(&["--pose", "fixed32"]));
-    for (frame, told) in out["frames"].as_array().unwrap().iter().zip(told["frames"].as_array().unwrap()) {
-        assert_eq!((&frame["changed"], &frame["active"]), (&told["changed"], &told["active"]));
-        assert_eq!(frame["max_error"].is_number(), told["max_error"].is_number());
+    let (out, set) = (play(&["--animated"]), play(&["--pose", "fixed32"]));
+    for (frame, set) in out["frames"].as_array().unwrap().iter().zip(set["frames"].as_array().unwrap()) {
+        assert_eq!((&frame["changed"], &frame["active"]), (&set["changed"], &set["active"]));
+        assert_eq!(frame["max_error"].is_number(), set["max_error"].is_number());
         assert!(frame["gpu_ms"].is_number() && frame["cpu_us"].is_number(), "{frame}");
         assert!(frame["dirty_blocks"].is_null() && frame["bytes_moved"].is_null(), "what the device planned: {frame}");
     }
-    let (summary, told) = (&out["summary"], &told["summary"]);
-    assert_eq!((&summary["animated"], &told["animated"]), (&true.into(), &false.into()));
+    let (summary, set) = (&out["summary"], &set["summary"]);
+    assert_eq!((&summary["animated"], &set["animated"]), (&true.into(), &false.into()));
     assert_eq!((&summary["path"], &summary["accumulate"]), (&"blocks".into(), &"exact".into()));
     // The requested frames are shown, up to rounding of the clock.
     let request = |summary: &Value| summary["max_error_rel"].as_f64().unwrap();
-    assert!(request(summary) < request(told) + 2e-6, "{summary} {told}");
+    assert!(request(summary) < request(set) + 2e-6, "{summary} {set}");
     refused(&["play", &dir, "--animated", "--path", "cpu"], 2, "--animated");
 }
 
