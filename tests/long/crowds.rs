@@ -19,7 +19,6 @@ const MADE_ANEW: usize = 512;
 #[derive(Default)]
 pub struct Loose {
     _crowds: Vec<Crowd>,
-    _animated: Vec<Crowd>,
 }
 
 fn count(counts: &mut Counts, what: &'static str) {
@@ -252,7 +251,7 @@ impl<'a> Animated<'a> {
             // SAFETY: the buffer records on the engine's device and is waited for; the replaced crowd is kept until
             // then.
             let crowd = unsafe { self.headless.engine().create_animated_crowd(cmd, &self.mesh, &desc, &animation) }?;
-            loose._animated.push(std::mem::replace(&mut self.crowd, crowd));
+            loose._crowds.push(std::mem::replace(&mut self.crowd, crowd));
             self.heads = Playbacks::new(places);
             self.begin();
         }

@@ -178,12 +178,6 @@ fn the_small_format_is_small() {
     }
 }
 
-/// Returns numbers in -1..1, the same everywhere.
-fn noise(state: &mut u64) -> f32 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-}
-
 #[test]
 fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
     let Some((mesh, frames)) = data::face("ict_facekit", "facegood_2_01_mapped_30fps.csv") else { return };
@@ -193,9 +187,9 @@ fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
     for error_budget in [0.0, budget] {
         let desc = UpdateDesc { error_budget, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
         let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 2).expect("a crowd");
-        let (mut state, mut sum) = (7, 0);
+        let (mut rng, mut sum) = (Rng::new(7, 0), 0);
         for (i, weights) in frames.iter().take(500).enumerate() {
-            let weights: Vec<f32> = weights.iter().map(|w| w + 0.0005 * noise(&mut state)).collect();
+            let weights: Vec<f32> = weights.iter().map(|w| w + 0.0005 * rng.range(-1.0, 1.0)).collect();
             crowd.set_weights(0, &weights).expect("weights that fit");
             sum += crowd.update().bytes_moved;
             if error_budget > 0.0 && i % 20 == 0 {
