@@ -66,8 +66,8 @@ fn play_around(
 #[test]
 fn the_gpu_plans_as_the_cpu_does() {
     gpu::on_every_driver(|headless, _| {
-        // Others compile for seconds: one delta and pose format suffices there, since updates::integers runs each kernel
-        // that updates poses on every driver.
+        // Others compile for seconds: one delta and pose format suffices there, since updates::integers runs each
+        // kernel that updates poses on every driver.
         let all = headless.caps().name.contains(&gpu::one());
         let formats =
             [(DeltaFormat::Fast, 64), (DeltaFormat::Small, 32), (DeltaFormat::Small, 128), (DeltaFormat::Fast, 128)];
