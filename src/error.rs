@@ -12,7 +12,7 @@ pub enum Error {
     /// A file or folder could not be read or written.
     #[error(
         "{path}: cannot {action}: {source}; {remedy}",
-        path = Printable(path.display()), remedy = io_remedy(source.kind())
+        path = Printable(path.display()), remedy = io_remedy(source)
     )]
     Io {
         /// The file or folder.
@@ -153,9 +153,13 @@ impl<T: Display> Display for Printable<T> {
 
 /// The remedy for an error of the system.
 #[allow(clippy::wildcard_enum_match_arm, reason = "the system's enum, of which a few have a remedy")]
-fn io_remedy(kind: io::ErrorKind) -> &'static str {
+fn io_remedy(error: &io::Error) -> &'static str {
     use io::ErrorKind as Kind;
-    match kind {
+    // ERROR_SHARING_VIOLATION.
+    if cfg!(windows) && error.raw_os_error() == Some(32) {
+        return "close the program that has it open";
+    }
+    match error.kind() {
         Kind::OutOfMemory => "free memory, or use a smaller file",
         Kind::NotFound | Kind::NotADirectory | Kind::IsADirectory | Kind::InvalidFilename => "check the path",
         Kind::PermissionDenied => "check the permissions",
@@ -195,7 +199,7 @@ fn remedy(call: &str, result: vk::Result) -> &'static str {
         Vk::ERROR_TOO_MANY_OBJECTS => "destroy what is no longer needed",
         Vk::ERROR_SURFACE_LOST_KHR | Vk::ERROR_NATIVE_WINDOW_IN_USE_KHR => "open the window anew",
         Vk::ERROR_INCOMPATIBLE_DRIVER | Vk::ERROR_INITIALIZATION_FAILED => {
-            "check that a Vulkan 1.1 driver is installed and works (./with-vulkan installs lavapipe), or use the path \
+            "check that a Vulkan 1.1 driver is installed and works (on Linux ./with-vulkan installs lavapipe), or use the path \
              'cpu'"
         }
         _ => "this is a bug in deltamorph or in the driver: run with the validation layers on",
@@ -237,7 +241,7 @@ impl Error {
         move |source| {
             if source.kind() == io::ErrorKind::OutOfMemory {
                 let what = format!("{}: cannot {action}: {source}", path.display());
-                return Self::out_of_memory(what, io_remedy(source.kind()));
+                return Self::out_of_memory(what, io_remedy(&source));
             }
             Self::Io { path: path.to_path_buf(), action, source }
         }

@@ -62,6 +62,15 @@ pub fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
+/// Whether a path names a device or a pipe, such as a terminal, which is written to and not replaced. Windows knows no
+/// metadata of `nul`, but opens it.
+pub fn is_device(path: &Path) -> bool {
+    match path.metadata() {
+        Ok(metadata) => !metadata.is_file() && !metadata.is_dir(),
+        Err(_) => cfg!(windows) && OpenOptions::new().write(true).open(path).is_ok(),
+    }
+}
+
 /// Writes a file under a temporary name beside `path`, then renames it to `path`: the old content stays until the new
 /// file is complete.
 pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
@@ -71,9 +80,8 @@ pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> 
         write(&mut out)?;
         out.into_inner().map_err(io::IntoInnerError::into_error)
     };
-    // A pipe or a terminal is written to, not replaced.
-    if path.metadata().is_ok_and(|m| !m.is_file()) {
-        return File::create(path).and_then(flushed).map(drop).map_err(io);
+    if is_device(path) {
+        return OpenOptions::new().write(true).open(path).and_then(flushed).map(drop).map_err(io);
     }
     // A symbolic link stays one: what it names is written, whether it is there or not.
     let mut place = path.to_path_buf();

@@ -145,7 +145,7 @@ pub mod memory {
 #[doc(hidden)]
 pub mod internals {
     pub use crate::error::Printable;
-    pub use crate::io::{TEXT_MAX, read_bounded, unfinished, write_replacing};
+    pub use crate::io::{TEXT_MAX, is_device, read_bounded, unfinished, write_replacing};
     pub use crate::math::{angle_degrees, diagonal};
 
     /// Re-exports all public items of these modules.

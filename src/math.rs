@@ -5,7 +5,9 @@ use glam::{DVec3, Vec3};
 /// The angle between two vectors that need not have unit length, in degrees; 0 if either is zero.
 pub fn angle_degrees(a: DVec3, b: DVec3) -> f64 {
     // atan2 is precise even for small angles, where acos of a dot product near 1 is not.
-    a.cross(b).length().atan2(a.dot(b)).to_degrees()
+    let degrees = a.cross(b).length().atan2(a.dot(b)).to_degrees();
+    // The last bits of atan2 differ between C libraries.
+    f64::from(degrees as f32)
 }
 
 /// The largest power of two ≤ `value`, from 2^-100 to 2^100, which leaves single precision room for products.

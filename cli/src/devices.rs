@@ -42,7 +42,9 @@ pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
         return Err(Failure::Failed(format!("no such Vulkan device; choose one of: {}", there.join("; "))));
     }
     match texts[..] {
-        [] => out.say("no Vulkan 1.1 device; the path 'cpu' works without one (./with-vulkan installs lavapipe)"),
+        [] => {
+            out.say("no Vulkan 1.1 device; the path 'cpu' works without one (on Linux ./with-vulkan installs lavapipe)")
+        }
         _ => out.say(texts.join("\n")),
     }
     out.json(&json!({ "schema": 1, "devices": devices }))

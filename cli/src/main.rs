@@ -22,18 +22,14 @@ mod view;
 
 use args::{Cli, Command};
 use clap::Parser;
-use deltamorph::internals::unfinished;
 use output::{Failure, Output};
-use signal_hook::consts::TERM_SIGNALS;
-use signal_hook::iterator::Signals;
-use signal_hook::low_level::emulate_default_handler;
-use std::fs::{remove_dir_all, remove_file};
 use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let cli = Cli::parse_from(args::with_whole_settings(std::env::args_os()));
     table::fit_terminal();
+    #[cfg(unix)]
     clean_up_if_interrupted();
     let out = Output::new(cli.global.quiet, cli.global.json.clone());
     match run(&cli, &out).and_then(|()| out.finish()) {
@@ -45,8 +41,15 @@ fn main() -> ExitCode {
     }
 }
 
-/// Has an interrupted run remove what it has written of files that are not complete.
+/// Has an interrupted run remove what it has written of files that are not complete. On Windows they stay.
+#[cfg(unix)]
 fn clean_up_if_interrupted() {
+    use deltamorph::internals::unfinished;
+    use signal_hook::consts::TERM_SIGNALS;
+    use signal_hook::iterator::Signals;
+    use signal_hook::low_level::emulate_default_handler;
+    use std::fs::{remove_dir_all, remove_file};
+
     let Ok(mut signals) = Signals::new(TERM_SIGNALS) else { return };
     std::thread::spawn(move || {
         for signal in &mut signals {

@@ -2,13 +2,13 @@
 
 use crate::progress::Progress;
 use crate::table::fitted;
-use deltamorph::internals::{Printable, unfinished, write_replacing};
+use deltamorph::internals::{Printable, is_device, unfinished, write_replacing};
 use serde::Serialize;
 use std::collections::HashSet;
 use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// The reason why a command ended early. Printed after "error: ", on one line.
 #[derive(Debug)]
@@ -51,7 +51,7 @@ pub struct Output {
     quiet: bool,
     json: Option<PathBuf>,
     /// The error of writing to stdout.
-    lost: OnceLock<io::ErrorKind>,
+    lost: OnceLock<Arc<io::Error>>,
     /// Set where a file is written to stdout.
     taken: OnceLock<()>,
 }
@@ -84,14 +84,16 @@ impl Output {
         let mut stdout = io::stdout().lock();
         match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
             // A reader that stops early (`| head`) is not a failure.
-            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => drop(self.lost.set(e.kind())),
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => drop(self.lost.set(Arc::new(e))),
             _ => {}
         }
     }
 
     /// Fails if writing to stdout has failed.
     pub fn finish(&self) -> Result<(), Failure> {
-        self.lost.get().map_or(Ok(()), |kind| Err(Failure::io("stdout".as_ref(), "write", (*kind).into())))
+        let failed =
+            |e: &Arc<io::Error>| Failure::io("stdout".as_ref(), "write", io::Error::new(e.kind(), e.to_string()));
+        self.lost.get().map_or(Ok(()), |error| Err(failed(error)))
     }
 
     /// Says what the user should know about the input, the device or the result.
@@ -130,7 +132,7 @@ impl Output {
                 let _ = self.taken.set(());
             }
             // Devices and pipes hold nothing that could be lost.
-            if path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+            if is_device(path) {
                 continue;
             }
             let why = if read.contains(place) {
@@ -181,7 +183,7 @@ pub fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<(), Fai
     // What cannot be written at all is refused elsewhere.
     if path == Path::new("-")
         || endings.iter().any(|ending| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending)))
-        || path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir())
+        || is_device(path)
     {
         return Ok(());
     }

@@ -55,16 +55,22 @@ impl Progress {
             (steps, 0) => format!("0 of {steps}  {message}"),
             (steps, done) => format!("{done} of {steps}, {left:.0} s left  {message}"),
         };
-        let columns = terminal_size::terminal_size_of(stderr()).map_or(80, |(columns, _)| usize::from(columns.0));
-        let text: String = text.chars().take(columns.saturating_sub(1)).collect();
-        let _ = write!(stderr(), "\r\x1b[2K{text}");
+        let columns = columns();
+        let text: String = text.chars().take(columns).collect();
+        let _ = write!(stderr(), "\r{text:columns$}");
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
         if self.shown {
-            let _ = write!(stderr(), "\r\x1b[2K");
+            let _ = write!(stderr(), "\r{:1$}\r", "", columns());
         }
     }
+}
+
+/// Columns that the line fills. It is overwritten with spaces, since consoles of Windows may not know escape codes.
+fn columns() -> usize {
+    let width = terminal_size::terminal_size_of(stderr()).map_or(80, |(columns, _)| usize::from(columns.0));
+    width.saturating_sub(1)
 }

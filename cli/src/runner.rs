@@ -63,7 +63,7 @@ fn open_for(args: &RunArgs, choice: Option<&DeviceChoice>, out: &Output) -> Resu
 fn no_device(path: UpdatePath) -> Error {
     Error::NoDevice {
         what: format!("update path '{}' needs a Vulkan device, and there is none", path.name()),
-        remedy: "install a driver (./with-vulkan installs lavapipe), or use --path cpu",
+        remedy: "install a driver (on Linux ./with-vulkan installs lavapipe), or use --path cpu",
     }
 }
 

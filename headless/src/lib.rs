@@ -140,7 +140,7 @@ impl Instance {
         // SAFETY: loading the system's Vulkan loader runs its initialisers, which are made for that.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoDevice {
             what: format!("the Vulkan loader cannot be loaded: {e}"),
-            remedy: "install libvulkan (./with-vulkan does), or use the path 'cpu'",
+            remedy: "install the Vulkan loader (on Linux ./with-vulkan does), or use the path 'cpu'",
         })?;
         let app = vk::ApplicationInfo::default().application_name(c"deltamorph").api_version(vk::API_VERSION_1_1);
         let messages = Arc::<Messages>::default();
@@ -196,7 +196,7 @@ impl Instance {
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
             vk::Result::ERROR_LAYER_NOT_PRESENT if validation => Error::invalid(
                 "the Vulkan validation layers are missing",
-                "install vulkan-validationlayers (./with-vulkan does)",
+                "install the Vulkan validation layers (on Linux ./with-vulkan does)",
             ),
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_device("no Vulkan driver"),
             e => Error::vulkan("vkCreateInstance")(e),
@@ -417,7 +417,7 @@ impl DeviceChoice {
 fn no_device(what: &str) -> Error {
     Error::NoDevice {
         what: what.into(),
-        remedy: "install a driver (./with-vulkan installs lavapipe), or use the path 'cpu'",
+        remedy: "install a driver (on Linux ./with-vulkan installs lavapipe), or use the path 'cpu'",
     }
 }
 

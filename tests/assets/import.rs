@@ -166,7 +166,10 @@ fn a_target_that_does_not_fit_is_named_with_what_was_expected() {
     }
     says(&source.notes[3], &expected);
 
-    says(&refused(NEUTRAL, &[("x.obj", NEUTRAL), ("x.OBJ", NEUTRAL)]), &["second file of the target 'x'"]);
+    // Elsewhere these are one file.
+    if cfg!(target_os = "linux") {
+        says(&refused(NEUTRAL, &[("x.obj", NEUTRAL), ("x.OBJ", NEUTRAL)]), &["second file of the target 'x'"]);
+    }
 }
 
 #[cfg(unix)]

@@ -107,14 +107,19 @@ fn utc(seconds: u64) -> String {
 fn processor() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':'));
-    model.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
+    // Windows names it in the environment.
+    let other = || std::env::var("PROCESSOR_IDENTIFIER").unwrap_or_else(|_| std::env::consts::ARCH.to_owned());
+    model.map_or_else(other, |(_, name)| name.trim().to_owned())
 }
 
-/// An argument quoted for a shell.
+/// An argument quoted for the system's shell.
 fn quoted(argument: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,=:+@%".contains(c);
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,=:+@%".contains(c) || (cfg!(windows) && c == '\\');
     if !argument.is_empty() && argument.chars().all(plain) {
         return argument.to_owned();
+    }
+    if cfg!(windows) {
+        return format!("\"{argument}\"");
     }
     format!("'{}'", argument.replace('\'', r"'\''"))
 }
@@ -175,6 +180,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(unix)]
     fn arguments_survive_a_shell() {
         let quoted = ["--batch-sizes=1..7,all", "my face", "it's", ""].map(quoted);
         assert_eq!(quoted, ["--batch-sizes=1..7,all", "'my face'", r"'it'\''s'", "''"]);

@@ -44,7 +44,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     }
     // The path cpu needs no device, but drawing does.
     let gpu = open(device, out)?.map(Rc::new).ok_or_else(|| {
-        Failure::Failed("drawing needs a Vulkan device, and there is none; ./with-vulkan installs one".into())
+        Failure::Failed("drawing needs a Vulkan device, and there is none; on Linux ./with-vulkan installs one".into())
     })?;
     let mut input = input::load(&args.run.input, false, out)?;
     if args.look() == Show::Wrinkles {

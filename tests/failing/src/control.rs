@@ -2,6 +2,7 @@
 
 use crate::state::{Function, state};
 use ash::vk;
+use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 use std::ffi::{CStr, CString, c_char};
 use std::mem::transmute;
 use std::path::Path;
@@ -118,7 +119,7 @@ pub(crate) fn function(name: &CStr) -> vk::PFN_vkVoidFunction {
 /// layer next to it.
 pub fn enable<'a>(command: &'a mut Command, folder: &Path) -> &'a mut Command {
     let test = std::env::current_exe().expect("a path to this test");
-    let library = test.with_file_name("libdeltamorph_failing.so");
+    let library = test.with_file_name(format!("{DLL_PREFIX}deltamorph_failing{DLL_SUFFIX}"));
     assert!(library.is_file(), "{}: not there", library.display());
     let manifest = format!(
         r#"{{"file_format_version": "1.1.2", "layer": {{"name": "{NAME}", "type": "GLOBAL", "library_path": {library:?},

@@ -4,7 +4,7 @@ use crate::calls::errors;
 use crate::control::Counts;
 use ash::vk;
 use std::collections::BTreeMap;
-use std::ffi::{CStr, c_int, c_void};
+use std::ffi::CStr;
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
@@ -233,35 +233,49 @@ impl State {
     }
 }
 
-#[repr(C)]
-struct Module {
-    path: *const c_void,
-    base: *mut c_void,
-    symbol: *const c_void,
-    at: *const c_void,
-}
+#[cfg(target_os = "linux")]
+use linux::place;
 
-unsafe extern "C" {
-    fn backtrace(frames: *mut *mut c_void, most: c_int) -> c_int;
-    fn dladdr(address: *const c_void, module: *mut Module) -> c_int;
-}
-
-/// Returns a number for the call site, the same in each run: computed from the return addresses, each relative to its
-/// module.
+/// Call sites are told apart where the C library has `backtrace`.
+#[cfg(not(target_os = "linux"))]
 fn place() -> u64 {
-    let mut frames = [std::ptr::null_mut(); 48];
-    // SAFETY: there is room for this many.
-    let count = unsafe { backtrace(frames.as_mut_ptr(), frames.len() as c_int) } as usize;
-    frames[..count].iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, frame| {
-        let mut module = Module {
-            path: std::ptr::null(),
-            base: std::ptr::null_mut(),
-            symbol: std::ptr::null(),
-            at: std::ptr::null(),
-        };
-        // SAFETY: any address may be queried.
-        let found = unsafe { dladdr(*frame, &mut module) } != 0;
-        let offset = if found { *frame as u64 - module.base as u64 } else { 0 };
-        (hash ^ offset).wrapping_mul(0x0000_0100_0000_01b3)
-    })
+    0
+}
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use std::ffi::{c_int, c_void};
+
+    #[repr(C)]
+    struct Module {
+        path: *const c_void,
+        base: *mut c_void,
+        symbol: *const c_void,
+        at: *const c_void,
+    }
+
+    unsafe extern "C" {
+        fn backtrace(frames: *mut *mut c_void, most: c_int) -> c_int;
+        fn dladdr(address: *const c_void, module: *mut Module) -> c_int;
+    }
+
+    /// Returns a number for the call site, the same in each run: computed from the return addresses, each relative to its
+    /// module.
+    pub(super) fn place() -> u64 {
+        let mut frames = [std::ptr::null_mut(); 48];
+        // SAFETY: there is room for this many.
+        let count = unsafe { backtrace(frames.as_mut_ptr(), frames.len() as c_int) } as usize;
+        frames[..count].iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, frame| {
+            let mut module = Module {
+                path: std::ptr::null(),
+                base: std::ptr::null_mut(),
+                symbol: std::ptr::null(),
+                at: std::ptr::null(),
+            };
+            // SAFETY: any address may be queried.
+            let found = unsafe { dladdr(*frame, &mut module) } != 0;
+            let offset = if found { *frame as u64 - module.base as u64 } else { 0 };
+            (hash ^ offset).wrapping_mul(0x0000_0100_0000_01b3)
+        })
+    }
 }
