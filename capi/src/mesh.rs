@@ -248,6 +248,22 @@ unsafe fn optional<'a, T>(pointer: *const T, count: usize, what: &str) -> Result
     if pointer.is_null() { Ok(&[]) } else { unsafe { slice(pointer, count, what) } }
 }
 
+/// Write a mesh as a packed file (.dmorph), which `dm_mesh_open` and `dm_mesh_from_bytes` read without packing it again.
+/// An old file stays until the new one is complete.
+///
+/// Errors: DM_ERROR_IO if it cannot be written.
+///
+/// # Safety
+/// `path` is a UTF-8 string.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_mesh_write(mesh: DmMesh, path: *const c_char) -> DmResult {
+    enter("dm_mesh_write", || {
+        // SAFETY: the caller's obligation.
+        let path = Path::new(unsafe { text(path, "path") }?);
+        Ok(mesh.get()?.packed.write(path)?)
+    })
+}
+
 /// Destroy a mesh, with the names of its targets. Objects made from it stay.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_mesh_destroy(mesh: DmMesh) -> DmResult {

@@ -62,6 +62,9 @@ static void handles(void) {
     WORKS(dm_mesh_target_name(mesh, 2, &name));
     HOLDS(name && strlen(name) > 0);
     WORKS(dm_clip_sample_head(&(DmSampleDesc){.struct_size = sizeof(DmSampleDesc), .targets = 2}, 3, 30, &own));
+    INVALID("'path' is a null pointer", dm_mesh_write(mesh, NULL));
+    REFUSED(DM_ERROR_IO, "/no/such/folder/a.dmorph: cannot write", dm_mesh_write(mesh, "/no/such/folder/a.dmorph"));
+    HANDLE("null handle in place of a mesh", dm_mesh_write(no_mesh, "a.dmorph"));
     WORKS(dm_mesh_destroy(mesh));
     HANDLE("was destroyed", dm_mesh_info(mesh, &info));
     HANDLE("was destroyed", dm_mesh_destroy(mesh));

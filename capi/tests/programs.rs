@@ -188,6 +188,15 @@ fn programs_built_with_the_first_header_of_this_version_run() {
 }
 
 #[test]
+fn an_instance_of_vulkan_1_0_is_refused() {
+    let old =
+        build("examples/c/minimal.c", replaced(".apiVersion = VK_API_VERSION_1_1", ".apiVersion = VK_API_VERSION_1_0"));
+    let output = old.command().args(["-", DRIVERS[0]]).output().expect("the program starts");
+    let said = text(&output.stderr);
+    assert!(!output.status.success() && said.contains("version 1.0; create it with apiVersion 1.1"), "{said}");
+}
+
+#[test]
 fn the_layer_finds_a_missing_barrier() {
     let barrier = build("examples/c/minimal.c", replaced(" | DM_READ_BY_COPIES", ""));
     let output = barrier.validated(&["-".as_ref(), DRIVERS[0].as_ref()]);

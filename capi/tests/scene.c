@@ -202,11 +202,17 @@ int main(int argc, char **argv) {
     DM(dm_engine_create(&device, &engine));
 
     /* The teeth have the third target of the face and the ones after it. */
+    char packed_file[4096];
     Patch face = patch_create(SIDE, 0, TARGETS), teeth = patch_create(TEETH_SIDE, 2, TARGETS - 2);
     DmMesh meshes[2] = {{0}, patch_mesh(&teeth)};
     if (argc > 2) {
         patch_write(&face, argv[2]);
         DM(dm_mesh_open(argv[2], NULL, &meshes[0]));
+        /* Packed once, and read without packing. */
+        strcat(strcpy(packed_file, argv[2]), ".dmorph");
+        DM(dm_mesh_write(meshes[0], packed_file));
+        DM(dm_mesh_destroy(meshes[0]));
+        DM(dm_mesh_open(packed_file, NULL, &meshes[0]));
     } else {
         meshes[0] = patch_mesh(&face);
     }

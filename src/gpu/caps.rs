@@ -196,6 +196,12 @@ impl DeviceCaps {
             instance.get_physical_device_features2(physical, &mut features);
         }
 
+        // Loaders emulate the call above for instances of Vulkan 1.0, and leave the chained structures as they are.
+        ensure!(
+            maintenance.max_memory_allocation_size > 0,
+            "the Vulkan instance is of version 1.0",
+            "create it with apiVersion 1.1 or later"
+        );
         let limits = core.limits;
         let core_features = features.features;
         let narrowest = if with_subgroup_sizes { subgroup_sizes.min_subgroup_size } else { subgroups.subgroup_size };

@@ -105,6 +105,7 @@ DmResult dm_mesh_evaluate(struct DmMesh mesh, const float *weights, uint32_t wei
 DmResult dm_mesh_open(const char *path, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 DmResult dm_mesh_from_bytes(const void *bytes, size_t size, const char *name, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmMeshDesc *desc, struct DmMesh *mesh);
+DmResult dm_mesh_write(struct DmMesh mesh, const char *path);
 DmResult dm_mesh_destroy(struct DmMesh mesh);
 DmResult dm_clip_open(const char *path, float fps, struct DmClip *clip);
 DmResult dm_clip_from_arrays(const struct DmClipArrays *arrays, struct DmClip *clip);
