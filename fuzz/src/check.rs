@@ -2,7 +2,8 @@
 
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, Error, KeptMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdatePath,
+    BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, Error, KeptMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc,
+    UpdatePath,
 };
 use std::sync::Arc;
 

@@ -5,8 +5,8 @@ use crate::{Memory, Target, bounded, check_error, check_pose};
 use arbitrary::{Result, Unstructured};
 use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::{
-    BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, KeptMesh, Mesh, MeshArrays, PackDesc, PackedMesh, PoseFormat,
-    TargetArrays, Tolerance, UpdateDesc, UpdateMode, UpdatePath,
+    BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, KeptMesh, Mesh, MeshArrays, PackDesc, PackedMesh,
+    PoseFormat, TargetArrays, Tolerance, UpdateDesc, UpdateMode, UpdatePath,
 };
 use std::sync::Arc;
 

@@ -6,7 +6,8 @@
 use deltamorph::glam::Vec3;
 use deltamorph::import::{self, ImportedMesh};
 use deltamorph::{
-    BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, KeptMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc,
+    UpdatePath,
 };
 use rayon::prelude::*;
 use std::path::Path;
