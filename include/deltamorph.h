@@ -970,15 +970,14 @@ DmResult dm_mesh_from_bytes(const void *bytes,
 /// `mesh` can be written.
 DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 
-/// Write a mesh as a packed file (.dmorph), which `dm_mesh_open` and `dm_mesh_from_bytes` read without packing it again.
+/// Write a mesh as a packed file (.dmorph), which `dm_mesh_open` and `dm_mesh_from_bytes` read without packing again.
 /// An old file stays until the new one is complete.
 ///
 /// Errors: DM_ERROR_IO if it cannot be written.
 ///
 /// Safety:
 /// `path` is a UTF-8 string.
-DmResult dm_mesh_write(struct DmMesh mesh,
-                       const char *path);
+DmResult dm_mesh_write(struct DmMesh mesh, const char *path);
 
 /// Destroy a mesh, with the names of its targets. Objects made from it stay.
 DmResult dm_mesh_destroy(struct DmMesh mesh);

@@ -248,7 +248,7 @@ unsafe fn optional<'a, T>(pointer: *const T, count: usize, what: &str) -> Result
     if pointer.is_null() { Ok(&[]) } else { unsafe { slice(pointer, count, what) } }
 }
 
-/// Write a mesh as a packed file (.dmorph), which `dm_mesh_open` and `dm_mesh_from_bytes` read without packing it again.
+/// Write a mesh as a packed file (.dmorph), which `dm_mesh_open` and `dm_mesh_from_bytes` read without packing again.
 /// An old file stays until the new one is complete.
 ///
 /// Errors: DM_ERROR_IO if it cannot be written.

@@ -259,8 +259,8 @@ mod linux {
         fn dladdr(address: *const c_void, module: *mut Module) -> c_int;
     }
 
-    /// Returns a number for the call site, the same in each run: computed from the return addresses, each relative to its
-    /// module.
+    /// Returns a number for the call site, the same in each run: computed from the return addresses, each relative to
+    /// its module.
     pub(super) fn place() -> u64 {
         let mut frames = [std::ptr::null_mut(); 48];
         // SAFETY: there is room for this many.
