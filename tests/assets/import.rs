@@ -259,6 +259,9 @@ fn the_neutral_mesh_may_lie_beside_its_targets() {
         (&["neutral_l", "neutral_r", "a", "b"], "", &["'neutral_l', 'neutral_r', 'a', 'b'; name the neutral mesh"]),
     ];
     for (files, neutral, expected) in cases {
+        if files == ["neutral", "Neutral"] && !cfg!(target_os = "linux") {
+            continue; // These are one file there.
+        }
         let dir = tempfile::tempdir().unwrap();
         std::fs::create_dir(dir.path().join("targets")).unwrap();
         for name in files {
