@@ -2,7 +2,7 @@
 
 use crate::cli::{Folder, fails, json, ok, refused, sample};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 /// A short bench.
 const BENCH: [&str; 9] = ["bench", "--vertices", "100", "--targets", "3", "--frames", "2", "--paths", "cpu"];
@@ -206,6 +206,7 @@ fn a_clip_that_cannot_be_read_costs_no_measurement() {
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_behind_stdout_is_told_and_a_reader_that_leaves_is_not() {
+    use std::process::Stdio;
     for args in [&["info", "--vertices", "100", "--targets", "3"][..], &["devices", "--json", "-"]] {
         let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
         let run = Command::new(env!("CARGO_BIN_EXE_deltamorph")).args(args).stdout(Stdio::from(full)).output().unwrap();
