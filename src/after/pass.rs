@@ -8,7 +8,7 @@ use crate::abi::modules::{Kernel, NORMALS, OUTPUT, OUTPUT_DUAL, OUTPUT_SKIN};
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::AfterPush;
 use crate::asset::streams::TRIPLE;
-use crate::error::{Result, ensure, refuse};
+use crate::error::{Result, ensure};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Ring;
@@ -120,16 +120,13 @@ impl Pass {
         Ok(Self { sets: kernel.objects.sets(&bound)?, kernel, outputs, reads, push, pose_numbers: poses.numbers() })
     }
 
-    /// Sets the offset of the joints.
+    /// Sets the offset of the joints; `None` if there are none.
     ///
     /// # Errors
-    /// There are none; an invalid offset.
-    pub fn set_joints(&mut self, offset: u64) -> Result<()> {
-        let Reads::Skin(skin) = &self.reads else {
-            return refuse("an instance that is not skinned", "set an output target with joints");
-        };
-        self.push.reads_at = skin.place(offset)?;
-        Ok(())
+    /// An invalid offset.
+    pub fn set_joints(&mut self, offset: u64) -> Option<Result<()>> {
+        let Reads::Skin(skin) = &self.reads else { return None };
+        Some(skin.place(offset).map(|at| self.push.reads_at = at))
     }
 
     /// Records a dispatch.

@@ -5,7 +5,7 @@ use super::output::{Output, OutputTarget, OutputView};
 use super::pass::{Pass, Reads, TargetContext};
 use super::pieces::Pieces;
 use crate::abi::numbers::PIECE;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 use crate::gpu::memory::Ring;
 use crate::plan::earlier::Earlier;
 use crate::plan::instances::{Instances, OutputChange};
@@ -137,12 +137,13 @@ impl After {
     /// # Errors
     /// An instance that is not skinned; an invalid offset.
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
-        let none = || Error::invalid(format!("instance {instance} is not skinned"), "set an output target with joints");
-        let mut targets = self.of(instance).filter(|target| !target.is_removed && target.kind == PostMorphPass::Output);
-        let target = targets.next().ok_or_else(none)?;
-        target.pass.set_joints(offset)?;
-        target.is_moved = true;
-        Ok(())
+        for target in self.of(instance).filter(|target| !target.is_removed) {
+            if let Some(set) = target.pass.set_joints(offset) {
+                target.is_moved |= set.is_ok();
+                return set;
+            }
+        }
+        refuse(format!("instance {instance} is not skinned"), "set an output target with joints")
     }
 
     /// Locations of an instance's output.
