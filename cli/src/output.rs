@@ -8,7 +8,7 @@ use std::collections::HashSet;
 use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 /// The reason why a command ended early. Printed after "error: ", on one line.
 #[derive(Debug)]
@@ -50,8 +50,8 @@ impl From<deltamorph::Error> for Failure {
 pub struct Output {
     quiet: bool,
     json: Option<PathBuf>,
-    /// The error of writing to stdout.
-    lost: OnceLock<Arc<io::Error>>,
+    /// The message of the first error of writing to stdout.
+    lost: OnceLock<String>,
     /// Set where a file is written to stdout.
     taken: OnceLock<()>,
 }
@@ -84,16 +84,16 @@ impl Output {
         let mut stdout = io::stdout().lock();
         match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
             // A reader that stops early (`| head`) is not a failure.
-            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => drop(self.lost.set(Arc::new(e))),
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+                drop(self.lost.set(Failure::io("stdout".as_ref(), "write", e).to_string()));
+            }
             _ => {}
         }
     }
 
     /// Fails if writing to stdout has failed.
     pub fn finish(&self) -> Result<(), Failure> {
-        let failed =
-            |e: &Arc<io::Error>| Failure::io("stdout".as_ref(), "write", io::Error::new(e.kind(), e.to_string()));
-        self.lost.get().map_or(Ok(()), |error| Err(failed(error)))
+        self.lost.get().map_or(Ok(()), |message| Err(Failure::failed(message)))
     }
 
     /// Says what the user should know about the input, the device or the result.
