@@ -1,5 +1,4 @@
-//! Instruction sets, chosen at run time, since a build for baseline x86-64 has vectors of four numbers
-//! only.
+//! Instruction sets, chosen at run time, since a build for baseline x86-64 has vectors of four numbers only.
 //!
 //! Results do not depend on it: multiplications and additions are not fused, and their order is fixed. AVX-512 gained
 //! nothing over AVX2 where memory is the limit, and would double the code.

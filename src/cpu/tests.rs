@@ -23,6 +23,10 @@ fn metered(mesh: &PackedMesh, planner: &GroupPlan) -> u64 {
     moved
 }
 
+fn crowd_of(mesh: &Arc<PackedMesh>, desc: UpdateDesc, instances: u32, threads: usize) -> CpuCrowd {
+    CpuCrowd::new(mesh.clone(), &CrowdDesc { instances, ..CrowdDesc::new(desc) }, threads).unwrap()
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(112))]
     /// For any mesh size, format, block size, batch, sums, slots, budget and weights: the pose matches the reference
@@ -55,7 +59,7 @@ proptest! {
         // The largest coordinate of a pose.
         let far = |pose: &[f64]| pose.chunks(6).flat_map(|v| &v[..3]).fold(0.0, |far: f64, x| far.max(x.abs()));
         let base = far(&reference::evaluate(&packed, &[]));
-        let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc { instances: 2, ..CrowdDesc::new(desc) }, threads).unwrap();
+        let mut crowd = crowd_of(&packed, desc, 2, threads);
         let grid = desc.grid(packed.layout()).unwrap();
         let mut before: [Option<Vec<f32>>; 2] = [None, None];
         for frame in 0..12u32 {
@@ -127,7 +131,7 @@ proptest! {
         }
         if grid.is_some() {
             // The integers equal those of a full evaluation, whatever came before.
-            let mut fresh = CpuCrowd::new(packed.clone(), &CrowdDesc { instances: 2, ..CrowdDesc::new(UpdateDesc { error_budget: 0.0, ..desc }) }, 1).unwrap();
+            let mut fresh = crowd_of(&packed, UpdateDesc { error_budget: 0.0, ..desc }, 2, 1);
             for i in 0..2 {
                 fresh.set_weights(i, crowd.weights(i).unwrap()).unwrap();
             }
@@ -155,8 +159,8 @@ proptest! {
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).unwrap());
         let pose = if pose.takes(format) { pose } else { PoseFormat::Float32 };
         let desc = UpdateDesc { slots, pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc { instances, ..CrowdDesc::new(desc) }, threads).unwrap();
-        let mut alone: Vec<_> = (0..instances).map(|_| CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 1).unwrap()).collect();
+        let mut crowd = crowd_of(&packed, desc, instances, threads);
+        let mut alone: Vec<_> = (0..instances).map(|_| crowd_of(&packed, desc, 1, 1)).collect();
         for frame in 0..5u32 {
             for (instance, alone) in (0..).zip(&mut alone) {
                 let weight = |t: u32| {

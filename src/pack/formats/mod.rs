@@ -191,7 +191,8 @@ pub(crate) trait BlockFormat {
 
 /// The integer nearest to `value / step`.
 pub(super) fn quantise(value: f32, step: f64) -> i32 {
-    // As `round`, which is a call on baseline x86-64: the sum is exact where it matters, with 24 bits of the value.
+    // As `round`, which is a call on baseline x86-64. Value and step have 24 bits each, so no quotient is so close to a
+    // half that the sum would round to another integer.
     let exact = f64::from(value) / step;
     (exact + 0.5f64.copysign(exact)) as i32
 }
