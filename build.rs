@@ -4,7 +4,7 @@
 //! The table of kernels (src/abi/kernels.rs) says which modules there are. OUT_DIR gets
 //! - `modules.rs`, which src/abi/modules.rs includes: the modules, without debug names, and a `static` for each kernel;
 //! - `manifest.txt`: what the modules were made from;
-//! - `*.spv`: the modules as compiled, which `tests/project/spirv.rs` compares with spirv/.
+//! - `*.spv`: the modules as compiled, which `tests/spirv` compares with spirv/.
 
 use formats::{FORMATS, FormatRow, POSE_FORMATS, PoseRow};
 use kernels::{KERNELS, KernelRow, Takes, batch_max};
@@ -207,7 +207,7 @@ impl Table {
 }
 
 /// What to do where a module is missing.
-const REMEDY: &str = "restore the folder spirv/, compile it anew with `UPDATE_SPIRV=1 cargo test --test project spirv`, \
+const REMEDY: &str = "restore the folder spirv/, compile it anew with `UPDATE_SPIRV=1 cargo test -p deltamorph-spirv`, \
                       or build with the feature 'compile-shaders'";
 
 fn main() {
@@ -220,6 +220,7 @@ fn main() {
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("set by cargo"));
     let (glsl, spirv) = (root.join("glsl"), root.join("spirv"));
+    #[cfg_attr(not(feature = "compile-shaders"), expect(unused_mut, reason = "only the compiler adds to it"))]
     let mut manifest = source_manifest(&glsl);
     let mut table = Table::default();
     for (row, kernel) in KERNELS.iter().enumerate() {
@@ -270,10 +271,9 @@ fn main() {
         if manifest.lines().any(|line| !checked_in.lines().any(|l| l == line)) {
             println!(
                 "cargo::warning=glsl/ differs from what spirv/ was compiled from: the modules of spirv/ are linked. \
-                 Regenerate with `UPDATE_SPIRV=1 cargo test --test project spirv`, or build with the feature 'compile-shaders'."
+                 Regenerate with `UPDATE_SPIRV=1 cargo test -p deltamorph-spirv`, or build with the feature 'compile-shaders'."
             );
         }
-        manifest = checked_in;
     }
     let Table { modules, count, kernels } = table;
     let text = format!("/// Every module.\npub static MODULES: [Module; {count}] = [\n{modules}];\n{kernels}");

@@ -11,7 +11,7 @@ use deltamorph::ash::{self, Device, vk};
 use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, Error, MorphEngine, PoseFormat, PoseView, UpdateDesc};
 use deltamorph_head as head;
 use glam::{Mat4, Vec3};
-use glslang::{Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage};
+use std::io::Cursor;
 use vk::{AccessFlags as Access, ImageLayout as Layout, ImageUsageFlags as Usage, PipelineStageFlags as Stage};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
@@ -24,24 +24,9 @@ const COLOUR: vk::Format = vk::Format::R8G8B8A8_UNORM;
 const DEPTH: vk::Format = vk::Format::D16_UNORM;
 const BACKGROUND: [f32; 4] = [0.2, 0.3, 0.4, 1.0];
 
-/// `pose.glsl` is all that shaders need of deltamorph.
-const VERTEX: &str = concat!(
-    "#version 450\n#define POSE_FLOAT32\n",
-    include_str!("../glsl/host/pose.glsl"),
-    "layout(push_constant) uniform Push { mat4 view; };
-    layout(location = 0) out vec3 normal;
-    void main() {
-        gl_Position = view * vec4(pose_position(), 1.0);
-        normal = pose_normal();
-    }"
-);
-const FRAGMENT: &str = "#version 450
-    layout(location = 0) in vec3 normal;
-    layout(location = 0) out vec4 pixel;
-    void main() {
-        float light = 0.5 + 0.5 * dot(normalize(normal), vec3(0.36, 0.48, 0.8));
-        pixel = vec4(light * vec3(0.9, 0.7, 0.6), 1.0);
-    }";
+/// SPIR-V of the files `head.vert` and `head.frag` beside it: `pose.glsl` is all that they need of deltamorph.
+const VERTEX: &[u8] = include_bytes!("shaders/head.vert.spv");
+const FRAGMENT: &[u8] = include_bytes!("shaders/head.frag.spv");
 
 type Destroy = Box<dyn FnOnce(&Device)>;
 
@@ -203,16 +188,11 @@ impl Host {
 
     /// Makes a pipeline that draws poses of a format.
     fn pipeline(&mut self, pass: vk::RenderPass, format: PoseFormat) -> Result<(vk::Pipeline, vk::PipelineLayout)> {
-        let compiler = Compiler::acquire().ok_or("one compiler at a time")?; // any other will do
-        let (options, mut stages) = (CompilerOptions::default(), vec![]);
-        for (flags, stage, text) in [
-            (vk::ShaderStageFlags::VERTEX, ShaderStage::Vertex, VERTEX),
-            (vk::ShaderStageFlags::FRAGMENT, ShaderStage::Fragment, FRAGMENT),
-        ] {
-            let text = ShaderSource::from(text);
-            let words = compiler.create_shader(ShaderInput::new(&text, stage, &options, None, None)?)?.compile()?;
+        let mut stages = vec![];
+        for (flags, module) in [(vk::ShaderStageFlags::VERTEX, VERTEX), (vk::ShaderStageFlags::FRAGMENT, FRAGMENT)] {
+            let words = ash::util::read_spv(&mut Cursor::new(module))?;
             let info = vk::ShaderModuleCreateInfo::default().code(&words);
-            // SAFETY: the words are a module that glslang made.
+            // SAFETY: the words are a module that glslang has compiled.
             let module = unsafe { self.device.create_shader_module(&info, None) };
             let module = self.keep("vkCreateShaderModule", module, Device::destroy_shader_module)?;
             stages.push(vk::PipelineShaderStageCreateInfo::default().stage(flags).module(module).name(c"main"));

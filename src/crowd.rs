@@ -95,7 +95,7 @@ macro_rules! crowd_methods {
 
         /// Sets the error budget of `instance` from the next update on, in input units; at most
         /// [`UpdateDesc::error_budget`](crate::UpdateDesc::error_budget), the default.
-        /// [`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget) converts it from pixels. If it
+        /// [`lod::Level::error_budget`](crate::lod::Level::error_budget) converts it from pixels. If it
         /// decreases, the next update applies changes deferred beyond it.
         ///
         /// # Errors

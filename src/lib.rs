@@ -119,18 +119,22 @@ pub use {ash, glam, gpu_allocator};
 pub mod mesh {
     #[doc(hidden)]
     pub use crate::asset::KeptTarget;
-    pub use crate::asset::{Corner, Faces, MorphTarget, RenderVertices, StreamData, StreamDeltas, StreamPlace};
+    #[doc(hidden)]
+    pub use crate::asset::StreamPlace;
+    pub use crate::asset::{Corner, Faces, MorphTarget, RenderVertices, StreamData, StreamDeltas};
 }
 
 /// What a [`PackedLayout`] holds: targets, and the grid of fixed-point poses.
 pub mod packed {
     pub use crate::pack::PackedTarget;
-    pub use crate::pack::blocks::{BLOCK_SIZES, PoseGrid};
+    pub use crate::pack::blocks::BLOCK_SIZES;
+    #[doc(hidden)]
+    pub use crate::pack::blocks::PoseGrid;
 }
 
 /// What [`DeviceCaps`] and [`requirements`] tell of a device.
 pub mod device {
-    pub use crate::gpu::caps::{DeviceKind, Requirement};
+    pub use crate::gpu::caps::Requirement;
 }
 
 /// Device memory: allocators, functions of the host's in their place, and what the engine takes.

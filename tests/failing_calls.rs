@@ -280,12 +280,10 @@ fn steps_after_the_pose_are_set_or_not() {
 fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
     let (engine, host) = (&lab.engine(), Buffers::new(lab.headless));
     let mesh = &packed(engine, format);
-    let corners: Vec<u32> = (0..VERTICES as u32 / 3 * 3).collect();
     let (joints, shares) = (vec![0; 4 * VERTICES], [1.0, 0.0, 0.0, 0.0].repeat(VERTICES));
-    let (normals, skin) =
-        (NormalsDesc::new(&corners), SkinDesc { influences: 4, joint_count: 1, joints: &joints, weights: &shares });
+    let skin = SkinDesc { influences: 4, joint_count: 1, joints: &joints, weights: &shares };
     // SAFETY: the buffer is recording, runs once, and is waited for.
-    let upload_normals = |cmd| unsafe { engine.upload_normals(cmd, mesh, &normals) };
+    let upload_normals = |cmd| unsafe { engine.upload_normals(cmd, mesh) };
     // SAFETY: as above.
     let upload_skin = |cmd| unsafe { engine.upload_skin(cmd, mesh, &skin) };
     lab.each(&format!("upload_normals, {kind}"), || (), |(), cmd| upload_normals(cmd), |(), _| ());

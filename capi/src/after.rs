@@ -8,7 +8,7 @@ use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, DmSurface, Handle, handl
 use crate::numbers::skin_method;
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmNormalsTarget, DmOutputTarget};
-use deltamorph::after::{GpuNormals, Joints, NormalsDesc, NormalsTarget, OutputTarget};
+use deltamorph::after::{GpuNormals, Joints, NormalsTarget, OutputTarget};
 use deltamorph::ash::vk::{self, Handle as _};
 
 handle!(DmSurface for Attached<GpuNormals>);
@@ -95,11 +95,8 @@ pub unsafe extern "C" fn dm_surface_upload(
 ) -> DmResult {
     enter("dm_surface_upload", || {
         let make = |engine: &deltamorph::MorphEngine, mesh: &crate::mesh::Mesh| {
-            let faces = &mesh.packed.faces;
-            let corners: Vec<u32> = faces.corners.iter().map(|corner| corner.position).collect();
-            let desc = NormalsDesc { sizes: &faces.sizes, welds: &mesh.packed.welds, ..NormalsDesc::new(&corners) };
             // SAFETY: the caller's obligations.
-            Ok(unsafe { engine.upload_normals(cmd, &mesh.packed, &desc) }?)
+            Ok(unsafe { engine.upload_normals(cmd, &mesh.packed) }?)
         };
         // SAFETY: as above.
         unsafe { attached::upload((engine, cmd, mesh), (surface, "surface"), make) }

@@ -50,11 +50,17 @@ pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.json(&json!({ "schema": 1, "devices": devices }))
 }
 
+/// Returns the kind of a device, such as `discrete` or `cpu`.
+pub fn kind(caps: &DeviceCaps) -> String {
+    let name = format!("{:?}", caps.kind).to_lowercase();
+    name.trim_end_matches("_gpu").to_owned()
+}
+
 /// Describes a device in words and in JSON.
 fn describe(index: usize, caps: &DeviceCaps) -> (String, Value) {
     let DeviceCaps { name, driver, driver_info, api_version: (major, minor, patch), .. } = caps;
     let version = format!("{major}.{minor}.{patch}");
-    let kind = caps.kind.name();
+    let kind = kind(caps);
     let paths: Vec<PathRow> = deltamorph_baselines::PATHS.into_iter().map(|path| path_row(caps, path)).collect();
     let mut lines = vec![format!("{index}: {name} ({kind}), {driver} {driver_info}, Vulkan {version}")];
     for PathRow { path, reason, batch_max, .. } in &paths {

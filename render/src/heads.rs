@@ -11,7 +11,6 @@ use crate::renderer::Renderer;
 use crate::scene::{Head, Masks, Scale, Scene, Show};
 use crate::target::Target;
 use crate::wrinkles::MaskPlace;
-use deltamorph::after::NormalsDesc;
 use deltamorph::ash::vk;
 use deltamorph::{
     Bounds, CpuCrowd, Crowd, CrowdDesc, Error, GpuMesh, KeptMesh, MorphEngine, PackedMesh, PoseFormat, Result,
@@ -24,7 +23,7 @@ use std::time::Instant;
 
 /// Options of [`Heads`].
 #[derive(Clone, Copy, Debug)]
-pub struct HeadsDesc<'a> {
+pub struct HeadsDesc {
     /// Number of heads (≥ 1).
     pub count: u32,
     /// Frames that may be unfinished at the same time (≥ 1).
@@ -34,7 +33,7 @@ pub struct HeadsDesc<'a> {
     /// Threads of the path `cpu`; 0: one per core.
     pub threads: usize,
     /// Draw normals of the morphed surface in place of sums of the targets' normal deltas, on the paths of the device.
-    pub normals: Option<NormalsDesc<'a>>,
+    pub recompute_normals: bool,
     /// For [`Show::Blocks`]: the fraction of its brightness that a changed vertex keeps from one update to the next, 0
     /// to 1.
     pub afterglow: f32,
@@ -42,10 +41,10 @@ pub struct HeadsDesc<'a> {
     pub cull: bool,
 }
 
-impl HeadsDesc<'_> {
+impl HeadsDesc {
     /// One head and one frame at a time.
     pub fn new(update: UpdateDesc) -> Self {
-        Self { count: 1, frames: 1, update, threads: 0, normals: None, afterglow: 0.0, cull: false }
+        Self { count: 1, frames: 1, update, threads: 0, recompute_normals: false, afterglow: 0.0, cull: false }
     }
 }
 
@@ -62,7 +61,7 @@ pub struct Updated {
 /// Heads of one mesh, to be drawn: on the device, from the buffers of a crowd; on the path `cpu`,
 /// from buffers that the poses are copied to.
 pub struct Heads {
-    desc: HeadsDesc<'static>,
+    desc: HeadsDesc,
     poses: Poses,
     normals: Option<Normals>,
     glow: Vec<Glow>,
@@ -108,9 +107,9 @@ impl Heads {
         mesh: &KeptMesh,
         packed: &Arc<PackedMesh>,
         parts: &[Part],
-        desc: &HeadsDesc<'_>,
+        desc: &HeadsDesc,
     ) -> Result<Self> {
-        let HeadsDesc { count, frames, update, threads, normals, afterglow, cull } = *desc;
+        let HeadsDesc { count, frames, update, recompute_normals, cull, .. } = *desc;
         let path = update.path;
         if path.evaluates_in_draws() {
             return Err(Error::Invalid {
@@ -119,7 +118,7 @@ impl Heads {
             });
         }
         let masks = MaskPlace::of(packed);
-        if normals.is_some() && (path == UpdatePath::Cpu || masks.is_some() && update.pose.has_integers()) {
+        if recompute_normals && (path == UpdatePath::Cpu || masks.is_some() && update.pose.has_integers()) {
             return Err(Error::Invalid {
                 what: format!("recomputed normals of {} poses on the path '{}'", update.pose.name(), path.name()),
                 remedy: "use a path on the device, and float32 poses where there are wrinkle masks".into(),
@@ -129,27 +128,28 @@ impl Heads {
         // SAFETY: `upload` hands out a recording buffer of the engine's device, and waits for it.
         let uploaded = headless.upload(|cmd| unsafe { engine.upload(cmd, packed) })?;
         // Recomputed normals are float32.
-        let pose = if normals.is_some() { PoseFormat::Float32 } else { update.pose };
+        let pose = if recompute_normals { PoseFormat::Float32 } else { update.pose };
         let renderer = RendererDesc { pose, masks: masks.is_some() };
         // SAFETY: the device outlives the heads: the caller's obligation.
         let renderer = unsafe { Renderer::new(headless, &renderer) }?;
         // SAFETY: fields drop in order, the model before the mesh that it reads.
         let model = unsafe { Model::new(&renderer, mesh, packed.layout(), parts) }?;
-        let mut recomputed = None;
+        let mut normals = None;
         let poses = if path == UpdatePath::Cpu {
             Poses::Processor(Box::new(Processor::new(&renderer, packed, desc, masks)?))
         } else {
             let crowd = CrowdDesc { instances: count, frames_in_flight: frames as u32, ..CrowdDesc::new(update) };
             let mut crowd = Box::new(engine.create_crowd(&uploaded, &crowd)?);
-            let with = |desc| Normals::new(headless, &renderer.gpu, packed, &mut crowd, &desc);
-            recomputed = normals.map(with).transpose()?;
+            if recompute_normals {
+                normals = Some(Normals::new(headless, &renderer.gpu, packed, &mut crowd)?);
+            }
             Poses::Device(crowd)
         };
         let bounds = if cull { Some((PoseBounds::new(packed, &update)?, vec![])) } else { None };
         Ok(Self {
-            desc: HeadsDesc { count, frames, update, threads, normals: None, afterglow, cull },
+            desc: *desc,
             poses,
-            normals: recomputed,
+            normals,
             glow: vec![Glow::new(packed.layout()); count as usize],
             bounds,
             masks,
@@ -332,12 +332,7 @@ impl Heads {
 }
 
 impl Processor {
-    fn new(
-        renderer: &Renderer,
-        packed: &Arc<PackedMesh>,
-        desc: &HeadsDesc<'_>,
-        masks: Option<MaskPlace>,
-    ) -> Result<Self> {
+    fn new(renderer: &Renderer, packed: &Arc<PackedMesh>, desc: &HeadsDesc, masks: Option<MaskPlace>) -> Result<Self> {
         let HeadsDesc { count, frames, update, threads, .. } = *desc;
         let crowd = CpuCrowd::new(packed.clone(), &CrowdDesc { instances: count, ..CrowdDesc::new(update) }, threads)?;
         let bytes = count as usize * crowd.stored_pose(0, 0)?.len();

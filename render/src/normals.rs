@@ -2,7 +2,7 @@
 
 use crate::memory::{Buffer, buffer};
 use crate::scene::{Head, Scale};
-use deltamorph::after::{NormalsDesc, NormalsTarget, OutputTarget};
+use deltamorph::after::{NormalsTarget, OutputTarget};
 use deltamorph::ash::vk::BufferUsageFlags as Usage;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::{Crowd, PackedMesh, Result};
@@ -20,20 +20,14 @@ pub(crate) struct Normals {
 }
 
 impl Normals {
-    /// Has all updates of `crowd` write normals of the surface that `desc` describes.
-    pub(crate) fn new(
-        headless: &Headless,
-        gpu: &Arc<Device>,
-        packed: &PackedMesh,
-        crowd: &mut Crowd,
-        desc: &NormalsDesc<'_>,
-    ) -> Result<Self> {
+    /// Has all updates of `crowd` write normals of the surface.
+    pub(crate) fn new(headless: &Headless, gpu: &Arc<Device>, packed: &PackedMesh, crowd: &mut Crowd) -> Result<Self> {
         let engine = headless.engine();
         let heads = crowd.desc().instances as usize;
         let size = VERTEX * packed.layout().vertex_count;
         let output = buffer(gpu, heads * size, Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER)?;
         // SAFETY: the buffer is recording, runs once, and is waited for.
-        let mut surface = headless.run(|cmd| unsafe { engine.upload_normals(cmd, packed, desc) })?;
+        let mut surface = headless.run(|cmd| unsafe { engine.upload_normals(cmd, packed) })?;
         surface.release_staging();
         let stride = VERTEX as u32;
         for head in 0..heads {

@@ -42,7 +42,7 @@ impl<'a> Studio<'a> {
         packed: &Arc<PackedMesh>,
         parts: &[Part],
         size: [u32; 2],
-        desc: &HeadsDesc<'_>,
+        desc: &HeadsDesc,
     ) -> Result<Self> {
         // SAFETY: the device is that of `headless`, which outlives the studio; `drop` waits for the device, and frames
         // are dropped first.

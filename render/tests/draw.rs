@@ -1,6 +1,5 @@
 //! Pictures of all pose formats, on every driver, under the validation layers.
 
-use deltamorph::after::NormalsDesc;
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, KeptMesh, Mesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath};
 use deltamorph_head::{HeadDesc, head, head_clip};
@@ -289,8 +288,6 @@ fn recomputed_normals_are_drawn_as_their_reference_says() {
     let mut frames = frames(3);
     // Several targets at once, whose normals do not add up.
     frames[1].iter_mut().step_by(2).for_each(|weight| *weight = 0.7);
-    let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
-    let surface = NormalsDesc { sizes: &mesh.faces.sizes, welds: &mesh.welds, ..NormalsDesc::new(&corners) };
     let places = [Mat4::IDENTITY];
     on_every_device(|headless| {
         for (format, update) in [
@@ -307,7 +304,7 @@ fn recomputed_normals_are_drawn_as_their_reference_says() {
                 let rounded: Vec<f32> =
                     frames[frame].iter().map(|&weight| grid.map_or(weight, |grid| grid.round(weight))).collect();
                 let mut pose = evaluate(&packed, &rounded);
-                let normals = reference::normals(&pose, &surface).expect("normals");
+                let normals = reference::normals(&pose, &mesh.faces, &mesh.welds).expect("normals");
                 let pairs = pose.chunks_exact_mut(6).zip(normals.chunks_exact(3));
                 pairs.for_each(|(vertex, normal)| vertex[3..].copy_from_slice(normal));
                 // A mesh that is there, without targets.
@@ -321,7 +318,7 @@ fn recomputed_normals_are_drawn_as_their_reference_says() {
             };
             for show in [Show::Shaded, Show::Normals] {
                 let scene = scene(&mesh, &places, Camera { yaw: 20.0, ..Camera::default() }, show);
-                let desc = HeadsDesc { frames: 2, normals: Some(surface), ..HeadsDesc::new(update) };
+                let desc = HeadsDesc { frames: 2, recompute_normals: true, ..HeadsDesc::new(update) };
                 let mut recomputed = Studio::new(headless, &mesh, &packed, &parts, SIZE, &desc).expect("a studio");
                 let mut found = vec![];
                 let mut expected = vec![];
@@ -344,7 +341,7 @@ fn recomputed_normals_are_drawn_as_their_reference_says() {
             }
         }
         let packed = packed(headless, &mesh, DeltaFormat::Fast);
-        let desc = HeadsDesc { normals: Some(surface), ..HeadsDesc::new(UpdateDesc::blocks()) };
+        let desc = HeadsDesc { recompute_normals: true, ..HeadsDesc::new(UpdateDesc::blocks()) };
         let cpu = HeadsDesc { update: UpdateDesc::new(UpdatePath::Cpu, BatchSize::All), ..desc };
         let refused = Studio::new(headless, &mesh, &packed, &[], SIZE, &cpu).err().expect("no crowd");
         assert!(refused.to_string().contains("on the path 'cpu'"), "{refused}");

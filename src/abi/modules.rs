@@ -13,6 +13,9 @@ include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 /// Compiler, sources and outputs of the modules.
 pub const MANIFEST: &str = include_str!(concat!(env!("OUT_DIR"), "/manifest.txt"));
 
+/// The folder of the modules with their debug names.
+pub const COMPILED: &str = env!("OUT_DIR");
+
 /// A SPIR-V module.
 #[derive(Debug, PartialEq)]
 pub struct Module {

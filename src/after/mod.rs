@@ -23,7 +23,7 @@ mod steps;
 
 #[doc(hidden)]
 pub use normals::normals;
-pub use normals::{GpuNormals, NormalsDesc, NormalsTarget};
+pub use normals::{GpuNormals, NormalsTarget};
 pub use output::{Joints, OutputTarget, OutputView};
 pub(crate) use pass::TargetContext;
 #[doc(hidden)]

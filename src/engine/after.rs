@@ -2,7 +2,7 @@
 
 use super::MorphEngine;
 use super::base::Crowd;
-use crate::after::{After, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, OutputTarget, SkinDesc, TargetContext};
+use crate::after::{After, GpuNormals, GpuSkin, NormalsTarget, OutputTarget, SkinDesc, TargetContext};
 use crate::error::Result;
 use crate::pack::PackedMesh;
 use crate::plan::steps::PostMorphPass;
@@ -40,9 +40,12 @@ impl MorphEngine {
         unsafe { GpuSkin::upload(&self.device, cmd, mesh, desc) }
     }
 
-    /// Creates a buffer of the triangles around each vertex of a mesh, and records its upload: once per mesh, for any
-    /// number of crowds and instances. Takes 36 bytes per vertex and 8 per corner of a triangle (8 × (n - 2) per corner
-    /// of an n-gon); on the host, 4 bytes per pair of neighbouring pieces of 32 vertices.
+    /// Creates a buffer of the triangles around each vertex of a mesh, from its [faces](PackedMesh::faces) and
+    /// [welds](PackedMesh::welds), and records its upload: once per mesh, for any number of crowds and instances. A
+    /// polygon's area counts at all its corners, as on import; welded vertices get bit-equal normals.
+    ///
+    /// Takes 36 bytes per vertex and 8 per corner of a triangle (8 × (n - 2) per corner of an n-gon); on the host, 4
+    /// bytes per pair of neighbouring pieces of 32 vertices.
     ///
     /// Records: a copy from staging memory, and a barrier that makes it visible to updates (first stage TRANSFER with
     /// TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
@@ -51,19 +54,14 @@ impl MorphEngine {
     /// [`GpuNormals::release_staging`] once it has finished.
     ///
     /// # Errors
-    /// A face with a vertex out of range, or with fewer than three corners; invalid welds; a mesh without vertices, or
-    /// beyond the device's storage range; no memory. Nothing is recorded then.
+    /// Faces or welds that were changed and do not match the mesh; a mesh without vertices, or beyond the device's
+    /// storage range; no memory. Nothing is recorded then.
     ///
     /// # Safety
     /// Those of [`upload_skin`](Self::upload_skin).
-    pub unsafe fn upload_normals(
-        &self,
-        cmd: vk::CommandBuffer,
-        mesh: &PackedMesh,
-        desc: &NormalsDesc<'_>,
-    ) -> Result<GpuNormals> {
+    pub unsafe fn upload_normals(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuNormals> {
         // SAFETY: the caller's obligations.
-        unsafe { GpuNormals::upload(&self.device, cmd, mesh, desc) }
+        unsafe { GpuNormals::upload(&self.device, cmd, mesh) }
     }
 
     /// Writes the pose of an instance as float32 into an output buffer of the application, from the next recorded

@@ -18,36 +18,6 @@ pub struct TransformFeedbackCaps {
     pub max_stride: u32,
 }
 
-/// The kind of a device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum DeviceKind {
-    /// A graphics card with its own memory.
-    Discrete,
-    /// A GPU that shares the memory of the CPU.
-    Integrated,
-    /// A GPU in a virtual machine.
-    Virtual,
-    /// A software driver.
-    Cpu,
-    /// The driver does not say.
-    Other,
-}
-
-impl DeviceKind {
-    /// Returns the name used in reports.
-    #[doc(hidden)]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Discrete => "discrete",
-            Self::Integrated => "integrated",
-            Self::Virtual => "virtual",
-            Self::Cpu => "cpu",
-            Self::Other => "other",
-        }
-    }
-}
-
 /// A device's limits and features. Can be clamped to a smaller profile before use.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -59,7 +29,7 @@ pub struct DeviceCaps {
     /// Driver version, in the driver's own words.
     pub driver_info: String,
     /// The kind of device.
-    pub kind: DeviceKind,
+    pub kind: vk::PhysicalDeviceType,
     /// Tuning for the device: kernels and tiles are chosen by it.
     #[doc(hidden)]
     pub tuning: DeviceTuning,
@@ -135,7 +105,7 @@ pub struct Requirement {
 impl DeviceCaps {
     /// Whether the device is a software driver on the CPU. The path `cpu` is faster than such a device.
     pub fn is_software(&self) -> bool {
-        self.kind == DeviceKind::Cpu
+        self.kind == vk::PhysicalDeviceType::CPU
     }
 
     /// Asks the driver for its limits and features.
@@ -209,13 +179,7 @@ impl DeviceCaps {
             name: text(core.device_name_as_c_str()),
             driver: text(driver.driver_name_as_c_str()),
             driver_info: text(driver.driver_info_as_c_str()),
-            kind: match core.device_type {
-                vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
-                vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
-                vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
-                vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
-                _ => DeviceKind::Other,
-            },
+            kind: core.device_type,
             tuning: match core.device_type {
                 vk::PhysicalDeviceType::CPU => {
                     DeviceClass::Software.tuning().for_software(core.vendor_id, core.api_version)
@@ -257,7 +221,7 @@ impl DeviceCaps {
             name: String::new(),
             driver: String::new(),
             driver_info: String::new(),
-            kind: DeviceKind::Other,
+            kind: vk::PhysicalDeviceType::OTHER,
             // Small blocks share workgroups, as on an Adreno.
             tuning: DeviceClass::Phone.tuning().for_gpu(0x5143, 64),
             api_version: (1, 1, 0),

@@ -8,47 +8,33 @@ const SHARE: f32 = 0.5;
 /// that trembles changes nothing.
 const MARGIN: f32 = 0.8;
 
-/// Options of [`Level`]: the pixel error, and the speed of changes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LevelDesc {
+/// The number of targets that an instance keeps now, and the number it is moving to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Level {
     /// Distance of a vertex from its position with all weights applied, in pixels (≥ 0), once the level has settled.
-    /// Half of it is for targets that are left out ([`Level::step`]), half for changes that are deferred
-    /// ([`error_budget`](Self::error_budget)). 1 by default.
+    /// Half of it is for targets that are left out ([`step`](Self::step)), half for changes that are deferred
+    /// ([`error_budget`](Self::error_budget)).
     pub pixels: f32,
     /// Largest distance that a vertex may move from one frame to the next because the level changes, in pixels (above
     /// 0). 0.008 by default.
     pub fade: f32,
-}
-
-impl Default for LevelDesc {
-    fn default() -> Self {
-        Self { pixels: 1.0, fade: 0.008 }
-    }
-}
-
-impl LevelDesc {
-    /// Returns the error budget for this pixel error, in input units, where an input unit takes up `pixels_per_unit`:
-    /// the value for [`UpdateDesc::error_budget`](crate::UpdateDesc::error_budget). 0, which defers nothing, if
-    /// the result is not a finite number above 0.
-    pub fn error_budget(&self, pixels_per_unit: f32) -> f32 {
-        let budget = (1.0 - SHARE) * self.pixels / pixels_per_unit;
-        if budget.is_finite() { budget.max(0.0) } else { 0.0 }
-    }
-}
-
-/// The number of targets that an instance keeps now, and the number it is moving to.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Level {
-    desc: LevelDesc,
     /// `None`: nothing has been shown yet, so a jump is not visible.
     level: Option<f64>,
     pub(super) goal: usize,
 }
 
 impl Level {
-    /// Makes the level of an instance that has not been shown yet.
-    pub fn new(desc: LevelDesc) -> Self {
-        Self { desc, level: None, goal: 0 }
+    /// Makes the level of an instance that has not been shown yet, for an error of `pixels`.
+    pub fn new(pixels: f32) -> Self {
+        Self { pixels, fade: 0.008, level: None, goal: 0 }
+    }
+
+    /// Returns the error budget for this pixel error, in input units, where an input unit takes up `pixels_per_unit`:
+    /// the value for [`UpdateDesc::error_budget`](crate::UpdateDesc::error_budget). 0, which defers nothing, if
+    /// the result is not a finite number above 0.
+    pub fn error_budget(&self, pixels_per_unit: f32) -> f32 {
+        let budget = (1.0 - SHARE) * self.pixels / pixels_per_unit;
+        if budget.is_finite() { budget.max(0.0) } else { 0.0 }
     }
 
     /// Returns the number of targets kept in the frame of the last [`step`](Self::step); `None` before the first.
@@ -64,7 +50,7 @@ impl Level {
 
     /// Steps to the next frame, in which an input unit takes up `pixels_per_unit`
     /// ([`pixels_per_unit`](super::pixels_per_unit)). Returns the number of targets to keep, for [`Importance::apply`].
-    /// The level moves towards its goal as far as it can without any vertex moving further than [`LevelDesc::fade`].
+    /// The level moves towards its goal as far as it can without any vertex moving further than [`fade`](Self::fade).
     /// `weights` are this frame's weights before they are scaled: the movement is that of the targets that fade at
     /// these weights (those without a weight cost nothing). Without them, all weights count as 1.
     ///
@@ -73,7 +59,7 @@ impl Level {
     pub fn step(&mut self, importance: &Importance, pixels_per_unit: f32, weights: Option<&[f32]>) -> f32 {
         // More targets are kept once a vertex is off by more than the one, fewer once that brings none off by more than
         // the other.
-        let most = self.desc.pixels * SHARE;
+        let most = self.pixels * SHARE;
         let enough = most * MARGIN;
         let wanted = importance.level_for(pixels_per_unit, enough);
         let exceeded = importance.level_for(pixels_per_unit, most) > self.goal;
@@ -93,7 +79,7 @@ impl Level {
     fn towards(&self, importance: &Importance, pixels_per_unit: f32, weights: Option<&[f32]>, level: f64) -> f64 {
         let goal = self.goal as f64;
         let mut at = level.min(importance.order().len() as f64);
-        let mut room = f64::from(self.desc.fade);
+        let mut room = f64::from(self.fade);
         while at != goal {
             // The target that fades, and the level at which it is fully in or out.
             let (rank, end) =

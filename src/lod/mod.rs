@@ -9,13 +9,13 @@
 //! ([`Crowd::set_level`](crate::Crowd::set_level)).
 //!
 //! ```
-//! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
+//! use deltamorph::lod::{Importance, Level, pixels_per_unit};
 //! use deltamorph::{DeltaFormat, PackDesc};
 //!
 //! let desc = deltamorph_head::HeadDesc { vertices: 500, ..Default::default() };
 //! let mesh = deltamorph_head::head(&desc).pack(&PackDesc::new(DeltaFormat::Fast))?;
 //! let importance = Importance::of_packed(&mesh, &["eyeBlink"])?;
-//! let mut level = Level::new(LevelDesc { pixels: 1.0, ..Default::default() });
+//! let mut level = Level::new(1.0);
 //! // Each frame, for each instance:
 //! let mut weights = vec![0.3; mesh.layout().targets.len()];
 //! let distance = 100.0 * mesh.layout().diagonal;
@@ -30,7 +30,7 @@ mod level;
 #[cfg(test)]
 mod tests;
 
-pub use level::{Level, LevelDesc};
+pub use level::Level;
 
 use crate::asset::{KeptMesh, KeptTarget};
 use crate::error::{Result, ensure};

@@ -44,7 +44,8 @@ proptest! {
         let dropped = at_level(&importance, kept as f32, &weights);
         prop_assert!(distance(&mesh, &weights, &dropped) <= f64::from(importance.errors[kept]));
 
-        let mut level = Level::new(LevelDesc { pixels, fade });
+        let mut level = Level::new(pixels);
+        level.fade = fade;
         let mut shown: Option<Vec<f32>> = None;
         let given = with_weights.then_some(&weights[..]);
         for pixels_per_unit in camera.iter().flat_map(|c| [c; 3]) {
@@ -67,7 +68,8 @@ proptest! {
 #[test]
 fn the_fade_arrives_in_as_many_frames_as_it_takes() {
     let importance = ranked_with(&[]).unwrap();
-    let mut level = Level::new(LevelDesc { pixels: 1.0, fade: 0.5 });
+    let mut level = Level::new(1.0);
+    level.fade = 0.5;
     assert_eq!(level.step(&importance, 0.0, None), 0.0, "what is not seen needs nothing");
     let (near, whole) = (50.0, (0..9).map(|t| importance.reach(t)).sum::<f32>() * 50.0);
     let frames = (1..100_000).find(|_| level.step(&importance, near, None) == 8.0).unwrap();
@@ -85,7 +87,8 @@ fn the_fade_arrives_in_as_many_frames_as_it_takes() {
 fn a_camera_that_trembles_changes_no_level() {
     let importance = ranked_with(&[]).unwrap();
     for at in (1..60).map(|i| 0.02 * i as f32) {
-        let mut level = Level::new(LevelDesc { pixels: 4.0, fade: f32::INFINITY });
+        let mut level = Level::new(4.0);
+        level.fade = f32::INFINITY;
         [at, at * 0.9, at * 1.1].iter().for_each(|&p| _ = level.step(&importance, p, None));
         let settled = level.step(&importance, at * 0.95, None);
         let trembling = [1.1, 0.9, 1.0, 0.95, 1.05, 0.9, 1.1].map(|by| level.step(&importance, at * by, None));
@@ -126,8 +129,8 @@ fn factors_fade_the_last_target_and_leave_whole_weights_alone() {
         let expected = [1.0, 1.0, 1.0, 0.25].get(importance.ranks()[t] as usize).map_or(0.0, |f| weight * f);
         assert!(*faded == expected && importance.factor(t, 3.25) * weight == expected, "target {t}: {faded}");
     }
-    assert_eq!(LevelDesc { pixels: 3.0, ..Default::default() }.error_budget(50.0), 0.03);
-    assert_eq!(LevelDesc::default().error_budget(0.0), 0.0);
+    assert_eq!(Level::new(3.0).error_budget(50.0), 0.03);
+    assert_eq!(Level::new(1.0).error_budget(0.0), 0.0);
     assert!((pixels_per_unit(1000.0, std::f32::consts::FRAC_PI_2, 4.0) - 125.0).abs() < 1e-3);
 }
 

@@ -137,6 +137,7 @@ pub struct PackedLayout {
     /// The delta format.
     pub format: DeltaFormat,
     /// The streams of the group.
+    #[doc(hidden)]
     pub streams: Vec<StreamPlace>,
     /// Number of vertices, without padding.
     pub vertex_count: usize,

@@ -112,6 +112,7 @@ impl UpdateDesc {
     ///
     /// # Errors
     /// See [`PackedLayout::grid`].
+    #[doc(hidden)]
     pub fn grid(&self, layout: &PackedLayout) -> Result<Option<PoseGrid>> {
         self.integers().map(|pose| layout.grid(pose, self.weight_max)).transpose()
     }

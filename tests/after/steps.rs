@@ -55,11 +55,6 @@ fn influences(vertices: usize, influences: u32) -> (Vec<u16>, Vec<f32>) {
     (joints, weights)
 }
 
-/// Returns the vertices at the corners of all faces.
-fn corners(mesh: &KeptMesh) -> Vec<u32> {
-    mesh.faces.corners.iter().map(|corner| corner.position).collect()
-}
-
 /// Returns the largest angle between normals, in degrees.
 fn apart(found: &[DVec3], expected: &[f64]) -> f64 {
     let expected = expected.as_chunks::<3>().0.iter().map(|n| DVec3::from_array(*n));
@@ -176,10 +171,7 @@ impl<'a> Rig<'a> {
                 (Target::Output(target), outputs)
             }
             Kind::Normals => {
-                let corners = corners(source);
-                let desc =
-                    NormalsDesc { sizes: &source.faces.sizes, welds: &source.welds, ..NormalsDesc::new(&corners) };
-                surface = Some(gpu::surface(headless, mesh, &desc).expect("a surface"));
+                surface = Some(gpu::surface(headless, mesh).expect("a surface"));
                 let (offset, stride) = [(0, 12), (20, 28)][which];
                 let output = written((offset, stride, None));
                 (Target::Normals(NormalsTarget { offset, stride, ..NormalsTarget::new(output.buffer) }), vec![output])
@@ -279,13 +271,8 @@ impl<'a> Rig<'a> {
                 (error.position / f64::from(layout.diagonal), error.normal_degrees)
             }
             (Target::Normals(_), _) => {
-                let corners = corners(self.source);
-                let desc = NormalsDesc {
-                    sizes: &self.source.faces.sizes,
-                    welds: &self.source.welds,
-                    ..NormalsDesc::new(&corners)
-                };
-                let expected = reference::normals(reference, &desc).expect("normals");
+                let Self { source, .. } = self;
+                let expected = reference::normals(reference, &source.faces, &source.welds).expect("normals");
                 let mut found = vec![DVec3::NAN; layout.vertex_count];
                 for (packed, normal) in held.chunks_exact(3).enumerate() {
                     found[layout.user_vertex(packed).expect("a vertex")] = glam::Vec3::from_slice(normal).as_dvec3();
@@ -568,7 +555,6 @@ fn targets_that_do_not_fit_are_refused() {
 #[test]
 fn skins_and_surfaces_that_do_not_fit_are_refused() {
     let source = mesh();
-    let triangles = source.faces.triangles(&source.positions).into_flattened();
     gpu::on_every_device(|headless, engine| {
         let mesh = gpu::packed(engine, &source, DeltaFormat::Fast);
         let (joints, weights) = influences(mesh.layout().vertex_count, 4);
@@ -589,24 +575,27 @@ fn skins_and_surfaces_that_do_not_fit_are_refused() {
             let desc = SkinDesc { influences: per_vertex, joint_count: count, joints: &joints, weights };
             crate::testing::says(gpu::skin(headless, &mesh, &desc), &[words]);
         }
-        let refused = |desc: NormalsDesc<'_>, words: &str| {
-            let text = gpu::surface(headless, &mesh, &desc).err().expect("a refusal").to_string();
+        let refused = |sizes: &[u32], corners: &[u32], welds: &[u32], words: &str| {
+            let mut mesh = mesh.clone();
+            (mesh.faces, mesh.welds) = (gpu::faces(sizes, corners), welds.to_vec());
+            let text = gpu::surface(headless, &mesh).err().expect("a refusal").to_string();
             assert!(text.contains(words), "{text}");
             text
         };
-        refused(NormalsDesc::new(&[0, 1, 2, 0, 1, u32::MAX]), "names vertex 4294967295");
-        for (corners, sizes) in [(5, &[][..]), (6, &[3, 2]), (6, &[4, 2]), (6, &[u32::MAX, 7])] {
-            refused(NormalsDesc { sizes, ..NormalsDesc::new(&[0; 6][..corners]) }, "three corners or more");
-        }
-        refused(NormalsDesc { welds: &[0], ..NormalsDesc::new(&triangles) }, "1 welds for");
+        refused(&[3, 3], &[0, 1, 2, 0, 1, u32::MAX], &[], "names vertex 4294967295");
+        refused(&[3, 2], &[0; 5], &[], "face 1 has 2 corners");
+        refused(&[u32::MAX, 7], &[0; 6], &[], "the corner list has 6");
+        refused(&[3], &[0; 3], &[0], "1 welds for");
         // One polygon, whose fans take the square of its corners: counted before they are made.
         let sides = 10 + (headless.caps().max_storage_range as f64 / 8.0).sqrt() as u32;
         let polygon: Vec<u32> = (0..sides).map(|i| i % mesh.layout().vertex_count as u32).collect();
+        let mut mesh = mesh.clone();
+        mesh.faces = gpu::faces(&[sides], &polygon);
         let mut text = String::new();
         let memory = allocation_counter::measure(|| {
-            text = refused(NormalsDesc { sizes: &[sides], ..NormalsDesc::new(&polygon) }, "split the mesh");
+            text = gpu::surface(headless, &mesh).err().expect("a refusal").to_string();
         });
-        assert!(text.starts_with("surface of mesh '"), "{text}");
+        assert!(text.starts_with("surface of mesh '") && text.contains("split the mesh"), "{text}");
         assert!(memory.bytes_max < 1 << 20, "{} bytes for a polygon of {sides} corners", memory.bytes_max);
     });
 }

@@ -4,7 +4,7 @@
 use crate::prelude::*;
 use crate::scene;
 use crate::scene::Scene;
-use deltamorph::lod::{Importance, Level, LevelDesc};
+use deltamorph::lod::{Importance, Level};
 
 const TARGETS: usize = 12;
 
@@ -14,7 +14,7 @@ const TARGETS: usize = 12;
 fn one_number_of_pixels_steers_the_error_budget_too() {
     let mesh = testing::mesh(700, TARGETS);
     let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs"));
-    let desc = LevelDesc { pixels: 1.0, ..Default::default() };
+    let level = Level::new(1.0);
     let update = UpdateDesc { error_budget: 10.0, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
     let mut crowd =
         CpuCrowd::new(packed.clone(), &CrowdDesc { instances: 2, ..CrowdDesc::new(update) }, 1).expect("a crowd");
@@ -22,7 +22,7 @@ fn one_number_of_pixels_steers_the_error_budget_too() {
     for frame in 0..60 {
         // Away and back; the other instance stays in place, and defers nothing.
         let pixels_per_unit = [2.0, 0.5, 0.1, 0.5, 2.0, 20.0][frame / 10];
-        let budgets = [desc.error_budget(pixels_per_unit), 0.0];
+        let budgets = [level.error_budget(pixels_per_unit), 0.0];
         let whole: Vec<f32> = (0..TARGETS).map(|t| 0.02 * ((frame * (t + 1)) % 9) as f32 + 0.3).collect();
         for (head, budget) in (0..).zip(budgets) {
             crowd.set_error_budget(head, budget).expect("less than the crowd's");
@@ -73,8 +73,9 @@ fn levels_are_applied_on_the_gpu() {
                 [&mut whole, &mut kept].into_iter().for_each(|scene| scene.play(head, playback));
             }
             let unit = 1.0 / mesh.layout().diagonal;
-            let desc = LevelDesc { pixels: 2.0, fade: 1.0 };
-            let mut levels = vec![Level::new(desc); 9];
+            let mut level = Level::new(2.0);
+            level.fade = 1.0;
+            let mut levels = vec![level; 9];
             let mut elements = vec![];
             for frame in 0..12u32 {
                 // Away, back, and at rest; the last instance stays in place.

@@ -158,7 +158,7 @@ unsafe fn follow(
     // SAFETY: the caller's obligations.
     let _ = unsafe { engine.set_output_target(crowd, 0, Some(&OutputTarget::new(output))) };
     // SAFETY: as above.
-    let surface = unsafe { engine.upload_normals(cmd, packed, &NormalsDesc::new(&[0, 1, 2])) }.expect("a surface");
+    let surface = unsafe { engine.upload_normals(cmd, packed) }.expect("a surface");
     // SAFETY: as above.
     let _ = unsafe { engine.set_normals_target(crowd, 0, Some((&surface, &NormalsTarget::new(output)))) };
     for influences in [4, 8] {

@@ -1,9 +1,10 @@
 //! The real drivers that every GPU test runs on, with the validation layers on.
 
 use crate::hazards::{Event, HazardChecker, Violation, accesses, trace};
-use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, SkinDesc};
+use deltamorph::after::{GpuNormals, GpuSkin, SkinDesc};
 use deltamorph::internals::pack::PackedGroup;
 use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};
+use deltamorph::mesh::{Corner, Faces};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
@@ -38,11 +39,17 @@ pub fn skin(headless: &Headless, mesh: &PackedMesh, desc: &SkinDesc<'_>) -> Resu
 }
 
 /// Uploads a surface for normals, waits, and releases its staging memory.
-pub fn surface(headless: &Headless, mesh: &PackedMesh, desc: &NormalsDesc<'_>) -> Result<GpuNormals> {
+pub fn surface(headless: &Headless, mesh: &PackedMesh) -> Result<GpuNormals> {
     // SAFETY: as above.
-    let mut surface = headless.run(|cmd| unsafe { headless.engine().upload_normals(cmd, mesh, desc) })?;
+    let mut surface = headless.run(|cmd| unsafe { headless.engine().upload_normals(cmd, mesh) })?;
     surface.release_staging();
     Ok(surface)
+}
+
+/// Returns faces of these sizes with these vertices at their corners.
+pub fn faces(sizes: &[u32], vertices: &[u32]) -> Faces {
+    let corners = vertices.iter().map(|&position| Corner { position, texcoord: None });
+    Faces { sizes: sizes.to_vec(), corners: corners.collect() }
 }
 
 /// Returns a clip that animates all targets of `mesh`.

@@ -4,9 +4,7 @@ pub use crate::buffers::{Buffers, Shared};
 pub use crate::gpu::{NORMAL, drivers, is_kept, on_device, on_every_device, single, update_descs};
 pub use crate::hazards::{Event, HazardChecker};
 pub(crate) use crate::{data, gpu, testing};
-pub use deltamorph::after::{
-    GpuNormals, GpuSkin, Joints, NormalsDesc, NormalsTarget, OutputTarget, SkinDesc, SkinMethod,
-};
+pub use deltamorph::after::{GpuNormals, GpuSkin, Joints, NormalsTarget, OutputTarget, SkinDesc, SkinMethod};
 pub use deltamorph::ash::vk;
 pub use deltamorph::internals::gpu::tuning::DeviceTuning;
 pub use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};

@@ -47,7 +47,7 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
     says(packed(DeltaFormat::Fast).layout().grid(PoseFormat::Float32, None), "float32");
     let pose = evaluate(&dense, &[0.0; 4]);
     assert_eq!(pose, evaluate(&dense, &[]), "targets without a weight");
-    says(reference::normals(&pose, &NormalsDesc::new(&[0, 1, 100])), "names vertex 100");
+    says(reference::normals(&pose, &gpu::faces(&[3], &[0, 1, 100]), &[]), "names vertex 100");
     let (joints, weights) = (vec![0; 400], vec![1.0; 400]);
     let skin = |influences, of_joints: &[f32], method| {
         reference::skin(
@@ -96,10 +96,9 @@ struct Made {
 fn make(headless: &Headless, packed: &PackedMesh) -> Made {
     let engine = headless.engine();
     let (joints, weights) = (vec![0; 400], vec![1.0; 400]);
-    let (skin, normals) =
-        (SkinDesc { influences: 4, joint_count: 1, joints: &joints, weights: &weights }, NormalsDesc::new(&[0, 1, 2]));
+    let skin = SkinDesc { influences: 4, joint_count: 1, joints: &joints, weights: &weights };
     let skin = gpu::skin(headless, packed, &skin).expect("a skin");
-    let surface = gpu::surface(headless, packed, &normals).expect("a surface");
+    let surface = gpu::surface(headless, packed).expect("a surface");
     let mesh = gpu::upload(headless, engine, packed);
     let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
     let update = if packed.layout().format.is_blocks() { UpdateDesc::blocks() } else { dense };
@@ -197,7 +196,7 @@ fn meshes_without_vertices_are_refused() {
         says(headless.run(|cmd| unsafe { engine.upload(cmd, &empty) }), words);
         let skin = SkinDesc { influences: 4, joint_count: 1, joints: &[], weights: &[] };
         says(gpu::skin(headless, &empty, &skin), words);
-        says(gpu::surface(headless, &empty, &NormalsDesc::new(&[])), words);
+        says(gpu::surface(headless, &empty), words);
     });
 }
 
@@ -205,11 +204,12 @@ fn meshes_without_vertices_are_refused() {
 fn what_exceeds_the_device_is_refused_with_the_numbers() {
     let limits = gpu::baseline(|caps| (caps.max_texels, caps.max_storage_range) = (2, 4096));
     gpu::on_device_within(&gpu::one(), Some(limits), |headless, _| {
-        let packed = packed(DeltaFormat::Fast);
-        let (joints, weights, corners) = (vec![0; 800], vec![1.0; 800], [0, 1, 2].repeat(400));
+        let mut packed = packed(DeltaFormat::Fast);
+        packed.faces = gpu::faces(&[3; 400], &[0, 1, 2].repeat(400));
+        let (joints, weights) = (vec![0; 800], vec![1.0; 800]);
         let skin = SkinDesc { influences: 8, joint_count: 1, joints: &joints, weights: &weights };
         says(gpu::skin(headless, &packed, &skin), "allows 4096");
-        says(gpu::surface(headless, &packed, &NormalsDesc::new(&corners)), "allows 4096");
+        says(gpu::surface(headless, &packed), "allows 4096");
     });
     let limits = gpu::baseline(|caps| caps.max_texels = 2);
     gpu::on_device_within(&gpu::one(), Some(limits), |headless, engine| {

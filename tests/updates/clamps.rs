@@ -187,7 +187,6 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, up
     let what = format!("{} {format:?} {update:?}", headless.caps().name);
     let packed = gpu::packed(engine, mesh, format);
     let (vertices, diagonal) = (packed.layout().vertex_count, f64::from(packed.layout().diagonal));
-    let triangles = mesh.faces.triangles(&mesh.positions).into_flattened();
     let host = Buffers::new(headless);
     let joint = [1.0f32, 0.0, 0.0, 7.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     let joints = host.shared(48);
@@ -204,7 +203,7 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, up
                     &packed,
                     &SkinDesc { influences: 4, joint_count: 1, joints: &names, weights: &shares },
                 )?;
-                let surface = engine.upload_normals(cmd, &packed, &NormalsDesc::new(&triangles))?;
+                let surface = engine.upload_normals(cmd, &packed)?;
                 Ok((engine.upload(cmd, &packed)?, skin, surface))
             })
             .expect(&what);

@@ -78,7 +78,7 @@ impl<'a> Machine<'a> {
         });
         DeviceInfo {
             name: caps.name.clone(),
-            kind: caps.kind.name().into(),
+            kind: crate::devices::kind(caps),
             driver: caps.driver.clone(),
             driver_info: caps.driver_info.clone(),
             api_version: format!("{major}.{minor}.{patch}"),

@@ -4,7 +4,6 @@ use super::canvas::Canvas;
 use super::scenery::Scenery;
 use crate::args::render::Normals;
 use crate::output::Failure;
-use deltamorph::after::NormalsDesc;
 use deltamorph_render::{Camera, HeadsDesc, Light, Scene, Studio};
 use glam::{Mat4, Vec3};
 
@@ -28,14 +27,12 @@ impl<'a> Easel<'a> {
     pub fn new(scenery: &'a Scenery<'_>, size: [u32; 2], places: Vec<Mat4>) -> Result<Self, Failure> {
         let Scenery { args, stage, subject, .. } = scenery;
         let mesh = &scenery.input.kept;
-        let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
-        let surface = NormalsDesc { sizes: &mesh.faces.sizes, welds: &mesh.welds, ..NormalsDesc::new(&corners) };
         let desc = HeadsDesc {
             count: places.len() as u32,
             frames: IN_FLIGHT,
             update: stage.desc,
             threads: stage.threads,
-            normals: (args.normals == Normals::Recomputed).then_some(surface),
+            recompute_normals: args.normals == Normals::Recomputed,
             afterglow: if args.clip.is_some() { AFTERGLOW } else { 0.0 },
             cull: places.len() > 1,
         };

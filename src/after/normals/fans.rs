@@ -1,32 +1,22 @@
 //! The triangles around each vertex, in pose-buffer order.
 
-use super::NormalsDesc;
 use crate::abi::numbers::PIECE;
 use crate::after::pieces::Pieces;
-use crate::asset::check_welds;
-use crate::error::{Error, Result, ensure};
-use crate::pack::PackedLayout;
+use crate::asset::{Faces, check_welds};
+use crate::error::{Error, Result};
+use crate::pack::PackedMesh;
 
 /// Maps a vertex to the first one welded to it.
 ///
 /// # Errors
 /// Faces or welds that do not match `vertices` vertices.
-pub(super) fn first_of<'a>(desc: &NormalsDesc<'a>, vertices: usize) -> Result<impl Fn(u32) -> u32 + Copy + use<'a>> {
-    let remedy = "pass faces of three corners or more, and welds, of this mesh";
-    let refused = |text: String| Error::invalid(format!("a surface of {vertices} vertices: {text}"), remedy);
-    for vertex in desc.corners {
-        ensure!((*vertex as usize) < vertices, refused(format!("a face names vertex {vertex}")));
-    }
-    let corners = desc.corners.len() as u64;
-    let fits = match desc.sizes {
-        [] => corners.is_multiple_of(3),
-        sizes => {
-            sizes.iter().map(|size| u64::from(*size)).sum::<u64>() == corners && sizes.iter().all(|size| *size >= 3)
-        }
-    };
-    ensure!(fits, refused(format!("{corners} corners of {} polygons, or of triangles", desc.sizes.len())));
-    check_welds(desc.welds, vertices).map_err(refused)?;
-    let welds = desc.welds;
+pub(super) fn first_of<'a>(
+    faces: &Faces,
+    welds: &'a [u32],
+    vertices: usize,
+) -> Result<impl Fn(u32) -> u32 + Copy + use<'a>> {
+    faces.check(vertices, usize::MAX)?;
+    check_welds(welds, vertices).map_err(|what| Error::invalid(what, "pass the welds of this mesh"))?;
     Ok(move |v: u32| welds.get(v as usize).copied().unwrap_or(v))
 }
 
@@ -46,18 +36,19 @@ pub(in crate::after) struct Spread {
 
 impl Fans {
     /// `check` is called with the number of words before they are allocated; each corner of a polygon has a fan.
-    pub fn new(desc: &NormalsDesc<'_>, layout: &PackedLayout, check: impl FnOnce(u64) -> Result<()>) -> Result<Self> {
-        let of = first_of(desc, layout.vertex_count)?;
-        let pairs = desc.faces().map(|face| face.len() as u64 * (face.len() as u64 - 2));
+    pub fn new(mesh: &PackedMesh, check: impl FnOnce(u64) -> Result<()>) -> Result<Self> {
+        let (layout, faces) = (mesh.layout(), &mesh.faces);
+        let of = first_of(faces, &mesh.welds, layout.vertex_count)?;
+        let pairs = faces.iter().map(|face| face.len() as u64 * (face.len() as u64 - 2));
         let fans = (0..layout.vertex_count as u32).filter(|v| of(*v) == *v).count();
         check((layout.padded_vertices() + 2 * fans) as u64 + 2 * pairs.sum::<u64>())?;
         // Pose-buffer indices of vertices.
         let mut packed: Vec<u32> = (0..layout.vertex_count as u32).collect();
         layout.remap_indices(&mut packed)?;
         let mut around: Vec<Vec<[u32; 2]>> = vec![vec![]; layout.vertex_count];
-        for face in desc.faces() {
+        for face in faces.iter() {
             // Welded vertices share the first one's position. A polygon's area is that of the fan from any corner.
-            let corner = |i: usize| of(face[i % face.len()]) as usize;
+            let corner = |i: usize| of(face[i % face.len()].position) as usize;
             for at in 0..face.len() {
                 let fan = (at + 1..at + face.len() - 1).map(|i| [packed[corner(i)], packed[corner(i + 1)]]);
                 around[corner(at)].extend(fan);

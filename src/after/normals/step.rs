@@ -1,6 +1,5 @@
 //! The device side of recomputed normals.
 
-use super::NormalsDesc;
 use super::fans::{Fans, Spread};
 use crate::after::attached::Attached;
 use crate::after::pass::{Reads, TargetContext};
@@ -29,14 +28,9 @@ impl GpuNormals {
     ///
     /// # Safety
     /// See [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals).
-    pub(crate) unsafe fn upload(
-        device: &Arc<Device>,
-        cmd: vk::CommandBuffer,
-        mesh: &PackedMesh,
-        desc: &NormalsDesc<'_>,
-    ) -> Result<Self> {
+    pub(crate) unsafe fn upload(device: &Arc<Device>, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<Self> {
         let check = |words| Attached::check_size(device, mesh, "surface", mesh.base().len() as u64 + words);
-        let Fans { words, spread } = Fans::new(desc, mesh.layout(), check)?;
+        let Fans { words, spread } = Fans::new(mesh, check)?;
         // SAFETY: the caller's obligations.
         let (attached, upload) = unsafe { Attached::upload(device, cmd, mesh, "surface", (mesh.base(), &words)) }?;
         Ok(Self { surface: Arc::new(Surface { attached, spread }), staging: Some(upload) })

@@ -138,6 +138,7 @@ impl PoseFormat {
 
     /// The components of a pose, [`POSE_FLOATS`] per vertex, in input units: offset + integer × unit on `grid`; float32
     /// takes none.
+    #[doc(hidden)]
     pub fn decode(self, pose: &[u8], grid: Option<&PoseGrid>) -> Vec<f32> {
         let Some(grid) = grid.filter(|_| self.has_integers()) else {
             return pose.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
