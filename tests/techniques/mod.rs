@@ -1,7 +1,6 @@
 //! Every update technique, of the library and of others, under the same tests: a table of paths, and a test per column.
 
 mod faults;
-mod halves;
 mod poses;
 mod recording;
 mod refused;

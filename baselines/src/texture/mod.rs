@@ -7,10 +7,9 @@
 //! the vertex to the base pose (`draws`). Further streams of a mesh have their own textures, two for each group:
 //! texture coordinates, for example, which targets move when they stretch the skin.
 //!
-//! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. If every float32 delta
-//! is exactly a half float, as in the article, textures hold half floats: half of the bytes, and the same numbers.
-//! Numbers are never rounded to half floats here, since the integers are as small and keep more bits. Sums are float32:
-//! they drift like those of the other paths with float32 poses, and are cleared when rebuilding takes no more targets.
+//! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step, in place of the
+//! article's half floats, which are as large and keep fewer bits. Sums are float32: they drift like those of the other
+//! paths with float32 poses, and are cleared when rebuilding takes no more targets.
 
 mod blending;
 mod draws;
@@ -42,7 +41,7 @@ use draws::TextureDraws;
 use passes::BlendPasses;
 use std::ops::Range;
 use std::sync::Arc;
-use texels::{DeltaTexels, RECTANGLE_WORDS, Texel};
+use texels::{DeltaTexels, RECTANGLE_WORDS};
 
 /// Bytes of a texel of both displacement textures.
 const DISPLACEMENT: u64 = 32;
@@ -69,13 +68,13 @@ struct Textures {
 }
 
 impl Textures {
-    fn new(baked: &DeltaTexels, texel: Texel, images: Vec<Image>) -> Self {
+    fn new(baked: &DeltaTexels, images: Vec<Image>) -> Self {
         let first_texel = |&first: &u32| match baked.rectangles.get(first as usize) {
             Some(rectangle) => rectangle.first,
             None => baked.covered() as u32,
         };
         let first = baked.first.iter().map(|first| [*first, first_texel(first)]).collect();
-        Self { first, size: baked.size, delta: (2 * texel.bytes()).into(), images }
+        Self { first, size: baked.size, delta: if baked.is_integer { 16 } else { 32 }, images }
     }
 
     fn of(mesh: &MeshBuffers) -> &Self {
@@ -109,8 +108,8 @@ fn words_of(mesh: &MeshBuffers) -> BufferRange {
 }
 
 /// Creates and fills the buffers of a mesh, which was checked for the path, with two textures of deltas for each group:
-/// 32 bytes for each vertex that a target moves (float32), or 16 (snorm16, and float32 if every delta of a group of
-/// streams is exactly a half float). Records the copies to the textures, and the changes of their layouts.
+/// 32 bytes for each vertex that a target moves (float32), or 16 (snorm16). Records the copies to the textures, and the
+/// changes of their layouts.
 ///
 /// # Errors
 /// Textures larger than the device's images; more rectangles than a descriptor covers; out of memory. Nothing is
@@ -127,12 +126,11 @@ pub(crate) unsafe fn upload(
     for group in mesh.groups() {
         let layout = group.layout();
         let baked = DeltaTexels::bake(group, device.caps.max_image_side)?;
-        let (words, texel) = (baked.words(layout.padded_vertices()), baked.texel());
+        let words = baked.words(layout.padded_vertices());
         check_storage(device, layout, "its rectangles and texels take", &words)?;
-        let format = match texel {
-            Texel::Integers => vk::Format::R16G16B16A16_SINT,
-            Texel::Half => vk::Format::R16G16B16A16_SFLOAT,
-            Texel::Single => vk::Format::R32G32B32A32_SFLOAT,
+        let format = match baked.is_integer {
+            true => vk::Format::R16G16B16A16_SINT,
+            false => vk::Format::R32G32B32A32_SFLOAT,
         };
         let mut images = vec![];
         for (what, second) in [("first", false), ("second", true)] {
@@ -142,12 +140,12 @@ pub(crate) unsafe fn upload(
             let desc = ImageDesc { size: baked.image, layers: 1, format, samples, usage };
             let mut image = Image::new(device, &name, &desc)?;
             image.view(0..1, false)?;
-            let staging = images::staging(device, &baked.bytes(second, texel))?;
+            let staging = images::staging(device, &baked.bytes(second))?;
             copies.push(((image.raw, baked.image), staging.raw));
             uploads.push(Upload::new(staging, vec![]));
             images.push(image);
         }
-        let private = Box::new(Textures::new(&baked, texel, images));
+        let private = Box::new(Textures::new(&baked, images));
         let (buffers, upload) = MeshBuffers::new(device, layout.clone(), group.base(), &words, Some(private))?;
         groups.push(buffers);
         uploads.push(upload);

@@ -22,7 +22,7 @@ fn textures_hold_the_deltas_of_each_target_where_its_rectangles_are() {
     for format in DeltaFormat::DENSE {
         let mesh = packed(37, format);
         let baked = DeltaTexels::bake(&mesh.groups()[0], SIDE).expect("textures");
-        let images = [false, true].map(|normals| baked.bytes(normals, baked.texel()));
+        let images = [false, true].map(|normals| baked.bytes(normals));
         let stride = if format == DeltaFormat::Snorm16 { 8 } else { 16 };
         assert_eq!(images[0].len() as u32, baked.image[0] * baked.image[1] * stride);
         let width = baked.size[0];

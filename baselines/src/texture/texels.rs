@@ -8,7 +8,6 @@
 
 use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedGroup};
 use deltamorph::{Error, Result};
-use half::f16;
 use std::ops::Range;
 
 /// Runs of texels with at most this many others between them are drawn as one: a texel costs less than a rectangle.
@@ -16,24 +15,6 @@ const GAP: u32 = 8;
 
 /// Words of a rectangle.
 pub(super) const RECTANGLE_WORDS: usize = 5;
-
-/// The format of the four components of a delta texture's texel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Texel {
-    /// 16-bit integers: steps of the target.
-    Integers,
-    /// Half floats, which represent every delta exactly: half of the bytes, without loss.
-    Half,
-    /// Float32.
-    Single,
-}
-
-impl Texel {
-    /// Bytes of a texel of one texture.
-    pub(super) fn bytes(self) -> u32 {
-        if self == Self::Single { 16 } else { 8 }
-    }
-}
 
 /// A rectangle of texels of the displacement textures that a target moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +44,8 @@ pub(super) struct DeltaTexels {
     pub(super) rectangles: Vec<Rectangle>,
     /// First rectangle of each target, then the number of all.
     pub(super) first: Vec<u32>,
-    format: DeltaFormat,
+    /// Components are 16-bit integers, steps of the target; else float32.
+    pub(super) is_integer: bool,
     /// Deltas of both triples at each texel of the delta textures, in steps of the target.
     deltas: Vec<[f32; POSE_FLOATS]>,
 }
@@ -122,7 +104,7 @@ impl DeltaTexels {
             first.push(rectangles.len() as u32);
         }
         let image = self::size(deltas.len(), side, name)?;
-        Ok(Self { size, image, texels, rectangles, first, format: layout.format, deltas })
+        Ok(Self { size, image, texels, rectangles, first, is_integer: layout.format == DeltaFormat::Snorm16, deltas })
     }
 
     /// Returns the number of texels that the rectangles of all targets cover.
@@ -139,23 +121,12 @@ impl DeltaTexels {
         (0..texels).flat_map(move |texel| self.deltas.get(texel).map_or([0.0; 4], of))
     }
 
-    /// Chooses the format of the numbers on the device.
-    pub(super) fn texel(&self) -> Texel {
-        let is_half = |x: &f32| f16::from_f32(*x).to_f32().to_bits() == x.to_bits();
-        match self.format {
-            DeltaFormat::Snorm16 => Texel::Integers,
-            _ if self.deltas.as_flattened().iter().all(is_half) => Texel::Half,
-            _ => Texel::Single,
-        }
-    }
-
-    /// Returns the bytes of a delta texture in this texel format.
-    pub(super) fn bytes(&self, normals: bool, texel: Texel) -> Vec<u8> {
+    /// Returns the bytes of a delta texture.
+    pub(super) fn bytes(&self, normals: bool) -> Vec<u8> {
         let numbers = self.numbers(normals);
-        match texel {
-            Texel::Integers => numbers.flat_map(|steps| (steps as i16).to_le_bytes()).collect(),
-            Texel::Half => numbers.flat_map(|x| f16::from_f32(x).to_le_bytes()).collect(),
-            Texel::Single => numbers.flat_map(f32::to_le_bytes).collect(),
+        match self.is_integer {
+            true => numbers.flat_map(|steps| (steps as i16).to_le_bytes()).collect(),
+            false => numbers.flat_map(f32::to_le_bytes).collect(),
         }
     }
 
