@@ -10,7 +10,7 @@ use bevy::platform::collections::HashMap;
 use bevy::prelude::{AssetId, Mesh, error};
 use bevy::render::sync_world::MainEntity;
 use deltamorph::{CrowdDesc, Error, MeshArrays, PackedLayout, PoseFormat, Result, Semantic, TargetArrays, UpdateDesc};
-use deltamorph_wgpu::{Crowd, Morph};
+use deltamorph_wgpu::{Crowd, Morph, Stream};
 
 /// Targets of an entity in Bevy's buffer, used alternately for the new pose and the previous one.
 const SLOTS: u32 = 2;
@@ -141,6 +141,17 @@ impl Morphed {
     /// Returns the offset of a target, in elements from the beginning of the room.
     pub fn target(&self, instance: u32, slot: u32) -> u64 {
         u64::from(self.vertices) * u64::from(instance * SLOTS + slot)
+    }
+
+    /// The tangents of an instance's pose, if the mesh has any.
+    pub fn tangents(&self, instance: u32) -> Result<Option<Stream<'_>>> {
+        self.has_tangents.then(|| self.crowd.stream(instance, Semantic::Tangent)).transpose()
+    }
+
+    /// Where the pose of an instance and its tangents begin in their buffers, in words.
+    pub fn places(&self, instance: u32) -> Result<[u64; 2]> {
+        let tangents = self.tangents(instance)?.map_or(0, |stream| stream.view.offset);
+        Ok([self.crowd.pose(instance)?.view.offset, tangents].map(|offset| offset / 4))
     }
 
     /// Switches between writing poses over the vertices and writing them as targets; a change invalidates all of them.

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::mesh::{EntityPose, Morphed};
-use crate::targets::{Room, TargetWriter};
-use crate::vertices::{VertexRoom, VertexWriter, Vertices};
+use crate::targets::{Room, Writer};
+use crate::vertices::{VertexRoom, Vertices};
 use bevy::ecs::world::{FromWorld, World};
 use bevy::log::{error_once, warn};
 use bevy::pbr::{MorphIndices, MorphUniforms, skins_use_uniform_buffers};
@@ -23,8 +23,8 @@ pub(crate) struct Engine(Option<Inner>);
 
 struct Inner {
     meshes: HashMap<AssetId<Mesh>, Morphed>,
-    writer: TargetWriter,
-    vertex_writer: VertexWriter,
+    target_writer: Writer,
+    vertex_writer: Writer,
     /// Position of the weights 1 0 1 in Bevy's buffer of the last frame.
     weights_before: Option<u32>,
     // Declared last, so that it is dropped last: the other fields are destroyed on its device.
@@ -41,8 +41,10 @@ impl FromWorld for Engine {
         match Morph::new(device.wgpu_device(), queue) {
             Ok(morph) => {
                 let device = device.wgpu_device();
-                let (writer, vertex_writer) = (TargetWriter::new(device), VertexWriter::new(device));
-                Self(Some(Inner { meshes: HashMap::default(), writer, vertex_writer, weights_before: None, morph }))
+                let target_writer = Writer::new(device, wgpu::include_wgsl!("../wgsl/targets.wgsl"));
+                let vertex_writer = Writer::new(device, wgpu::include_wgsl!("../wgsl/vertices.wgsl"));
+                let meshes = HashMap::default();
+                Self(Some(Inner { meshes, target_writer, vertex_writer, weights_before: None, morph }))
             }
             Err(why) => {
                 warn!("deltamorph: all meshes stay with Bevy's own morphing: {why}");
@@ -147,16 +149,16 @@ impl Inner {
             if mesh.in_place {
                 let Some((vertices, room)) = vertices_of(allocator, id, mesh) else { continue };
                 let instance = next.first().map(|(instance, _)| *instance);
-                self.vertex_writer.record(&mut pass, device, mesh, vertices, &room, instance)?;
+                self.vertex_writer.write_vertices(&mut pass, device, mesh, vertices, &room, instance)?;
             } else {
                 let Some(room) = room_of(allocator, id, mesh) else { continue };
-                self.writer.record(&mut pass, device, mesh, &room, &next)?;
+                self.target_writer.write_targets(&mut pass, device, mesh, &room, &next)?;
             }
         }
         let mut restored = vec![];
         for (id, mesh) in self.meshes.iter().filter(|(_, mesh)| is_left(mesh)) {
             let Some((vertices, room)) = vertices_of(allocator, id, mesh) else { continue };
-            self.vertex_writer.record(&mut pass, device, mesh, vertices, &room, None)?;
+            self.vertex_writer.write_vertices(&mut pass, device, mesh, vertices, &room, None)?;
             restored.push(*id);
         }
         drop(pass);

@@ -2,20 +2,14 @@
 //! targets to add.
 
 use crate::mesh::{Morphed, Scale, VECTORS};
-use crate::targets::{ALIGNMENT, WORKGROUP, filled};
+use crate::targets::{Writer, aligned, filled};
 use bevy::prelude::Mesh;
-use deltamorph::{Result, Semantic};
-use std::num::NonZero;
+use deltamorph::Result;
 
 /// Bytes of a word.
 const WORD: u64 = 4;
 /// Marks an attribute that the mesh does not have.
 const NONE: u32 = u32::MAX;
-
-/// The pipeline of the pass.
-pub(crate) struct VertexWriter {
-    pipeline: wgpu::ComputePipeline,
-}
 
 /// The vertices of a mesh, in the layout of Bevy's buffer.
 pub(crate) struct Vertices {
@@ -57,26 +51,13 @@ impl Vertices {
     }
 }
 
-impl VertexWriter {
-    pub fn new(device: &wgpu::Device) -> Self {
-        let module = device.create_shader_module(wgpu::include_wgsl!("../wgsl/vertices.wgsl"));
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("deltamorph vertices"),
-            layout: None,
-            module: &module,
-            entry_point: None,
-            compilation_options: Default::default(),
-            cache: None,
-        });
-        Self { pipeline }
-    }
-
+impl Writer {
     /// Records the pass that writes the pose of an instance over the vertices of the mesh, or the vertices as they were
     /// without an instance.
     ///
     /// # Errors
     /// The mesh has no poses.
-    pub fn record(
+    pub fn write_vertices(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
         device: &wgpu::Device,
@@ -85,40 +66,12 @@ impl VertexWriter {
         room: &VertexRoom<'_>,
         instance: Option<u32>,
     ) -> Result<()> {
-        let pose = mesh.crowd.pose(instance.unwrap_or(0))?;
-        let tangents =
-            mesh.has_tangents.then(|| mesh.crowd.stream(instance.unwrap_or(0), Semantic::Tangent)).transpose()?;
-        // A binding begins at an aligned offset; the shader skips the rest.
         let begin = room.begin * vertices.stride;
-        let lead = begin % ALIGNMENT;
-        let tangents_at = tangents.as_ref().map_or(0, |stream| stream.view.offset);
-        let words = [pose.view.offset / WORD, tangents_at / WORD, lead / WORD, instance.is_some().into()];
+        let (lead, written) = aligned(room.buffer, begin, begin + u64::from(mesh.vertices) * vertices.stride);
+        let [pose, tangents] = mesh.places(instance.unwrap_or(0))?;
+        let words = [pose, tangents, lead / WORD, instance.is_some().into()];
         let words = words.map(|word| (word as u32).to_ne_bytes());
         let place = filled(device, "deltamorph move", words.as_flattened(), wgpu::BufferUsages::UNIFORM);
-        let written = wgpu::BufferBinding {
-            buffer: room.buffer,
-            offset: begin - lead,
-            size: NonZero::new(lead + u64::from(mesh.vertices) * vertices.stride),
-        };
-        let entries = [
-            vertices.constants.as_entire_binding(),
-            pose.buffer.as_entire_binding(),
-            tangents.map_or(pose.buffer, |stream| stream.buffer).as_entire_binding(),
-            mesh.order.as_entire_binding(),
-            place.as_entire_binding(),
-            mesh.base.as_entire_binding(),
-            wgpu::BindingResource::Buffer(written),
-        ];
-        let entries: Vec<_> =
-            (0..).zip(entries).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
-        let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("deltamorph vertices"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &bound, &[]);
-        pass.dispatch_workgroups(mesh.vertices.div_ceil(WORKGROUP), 1, 1);
-        Ok(())
+        self.dispatch(pass, device, mesh, [&vertices.constants, &place], (written, 1))
     }
 }
