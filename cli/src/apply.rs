@@ -57,7 +57,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
     match (&args.run.weights, args.frame) {
         (Some(path), Some(last)) => {
-            let all = input::clip(path, &args.run.input, input, &args.set)?;
+            let all = input.clip(path, &args.set)?;
             let first = args.from_frame.unwrap_or(last);
             [first, last].into_iter().try_for_each(|frame| input::check_frame(path, &all, frame))?;
             // Backwards is allowed, too: a delta weight may be negative.

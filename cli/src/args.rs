@@ -214,7 +214,7 @@ pub struct ApplyArgs {
 }
 
 /// The mesh, and which of its deltas are kept.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct InputArgs {
     /// A folder with neutral.obj, targets/*.obj and optionally weights/*.csv, a glTF file (*.glb, *.gltf, *.vrm), or a
     /// packed file (*.dmorph) [default: the built-in head]
@@ -359,11 +359,6 @@ pub fn distinct_or<T: Copy + PartialEq>(given: &[T], default: &[T]) -> Vec<T> {
 }
 
 impl UpdateArgs {
-    /// The paths given, each once, or `default`.
-    pub fn paths_or(&self, default: &[UpdatePath]) -> Vec<UpdatePath> {
-        distinct_or(&self.paths, default)
-    }
-
     /// Checks the options of `command`, which takes one path, mode, pose format and delta format: refuses several.
     pub fn check_single(&self, command: &str) -> Result<(), String> {
         let given = [

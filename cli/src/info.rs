@@ -47,8 +47,6 @@ struct TargetRow {
     moved_raw_positions: f64,
     /// Length of the longest position delta, in input units.
     max_delta: f32,
-    /// Length of the longest normal delta.
-    max_normal_delta: f32,
 }
 
 #[derive(Debug, Serialize)]
@@ -66,7 +64,6 @@ struct ClipRow {
     name: String,
     frames: usize,
     fps: f32,
-    columns: usize,
     /// Mean number of targets with a weight that differs from the frame before.
     changed_mean: f64,
     /// Largest such number.
@@ -80,7 +77,7 @@ struct ClipRow {
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, &[]), &[], None)?;
     let input = input::load(&args.input, true, out)?;
-    let sample = Sample::new(&input, &args.input, None);
+    let sample = Sample::new(&input, None);
     let formats = measure::measure_all(&formats(&input, out), &input, &sample, out)?;
     let info = describe(&input, formats, &sample.clips);
     out.say(text(&info, &sample));
@@ -106,7 +103,6 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
     let (kept, raw) = (&input.kept, &input.raw);
     let vertices = kept.vertex_count();
     let share = |n: usize| n as f64 / vertices.max(1) as f64;
-    let length = |deltas: &[Vec3]| deltas.iter().map(|d| d.length()).fold(0.0, f32::max);
     let differs = |target: &KeptTarget| target.positions.iter().filter(|d| **d != Vec3::ZERO).count();
     let held = input.packed.as_ref().map_or(DeltaFormat::Small, |packed| packed.layout().format);
     let of = |format: DeltaFormat| formats.iter().find(|m| m.name == format.name()).unwrap_or(&formats[0]);
@@ -120,8 +116,7 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
                 moved: share(kept.vertices.len()),
                 moved_raw: share(raw.vertices.len()),
                 moved_raw_positions: share(differs(raw)),
-                max_delta: length(&kept.positions),
-                max_normal_delta: length(&kept.normals),
+                max_delta: kept.positions.iter().map(|d| d.length()).fold(0.0, f32::max),
             })
             .collect(),
         streams: kept.streams.iter().map(|stream| stream.semantic.to_string()).collect(),
@@ -159,7 +154,6 @@ fn clip_row(clip: &BoundClip) -> ClipRow {
         name: clip.name.clone(),
         frames: frames.len(),
         fps: clip.fps,
-        columns: clip.column_count(),
         changed_mean: mean(changed.iter().sum(), changed.len()),
         changed_max: changed.iter().copied().max().unwrap_or(0),
         active_mean: mean(active, frames.len()),

@@ -22,6 +22,7 @@ const PERCENT: f32 = 5.0;
 /// A mesh, before and after dropping deltas by the tolerance.
 #[derive(Debug, Default)]
 pub struct Input {
+    pub args: InputArgs,
     pub name: String,
     /// Every nonzero delta: the reference for errors "against the raw files". Both meshes are recentred.
     pub raw: Arc<KeptMesh>,
@@ -33,12 +34,10 @@ pub struct Input {
     pub clips: Vec<PathBuf>,
     /// Yaw of a camera that looks at the face, in degrees.
     pub front: f32,
-    /// Whether weights of clips and settings belong to absolute poses.
-    pub normalise: bool,
     /// The folder, or "built-in head": for reports.
     pub origin: String,
     /// Prints warnings about clips.
-    pub out: Option<Output>,
+    pub out: Output,
     /// What reading took, in seconds, and what followed until there was `kept`.
     pub seconds: [f64; 2],
     /// The largest absolute weight of clips and settings that have been read: fixed-point poses have to hold it.
@@ -160,15 +159,15 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
         out.warn(format_args!("{origin} is packed: {what}"));
     }
     Ok(Input {
+        args: args.clone(),
         name: kept.name.clone(),
         raw,
         kept,
         packed,
         clips,
         front: if looks_back { 180.0 } else { 0.0 },
-        normalise: args.normalise,
         origin,
-        out: Some(out.clone()),
+        out: out.clone(),
         seconds: [read, kept_seconds],
         largest: Cell::new(0.0),
     })
@@ -176,50 +175,6 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
 
 /// Weights of targets by name, as each `--set` states them.
 pub type Settings = [Vec<(String, f32)>];
-
-/// The clip that `path` names, as FILE#NAME if it is an animation of a glTF file, or in a packed file: the only one of
-/// such a file, or one of INPUT by its name.
-fn named(path: &Path, args: &InputArgs) -> Result<PathBuf, Failure> {
-    if path == Path::new("-") {
-        return Ok("/dev/stdin".into());
-    }
-    if import::animation_of(path).is_some() {
-        return Ok(path.to_path_buf());
-    }
-    let of = |file: &Path, name: &str| PathBuf::from(format!("{}#{name}", file.display()));
-    if path.exists() {
-        if import::is_gltf(path) {
-            let all = gltf::read(path)?.animations;
-            let (joints, weights): (Vec<_>, Vec<_>) = all.iter().partition(|animation| animation.moves_joints_alone());
-            if let ([only], _) | ([], [only]) = (&weights[..], &joints[..]) {
-                return Ok(of(path, &only.name));
-            }
-        }
-        return Ok(path.to_path_buf());
-    }
-    let of_input = args.input.as_ref().map(|input| of(input, &path.display().to_string()));
-    Ok(of_input.filter(|clip| import::animation_of(clip).is_some()).unwrap_or_else(|| path.to_path_buf()))
-}
-
-/// Reads the weight clip at `path`, at least one frame, for the targets of `input`, with `settings` applied. If INPUT
-/// is a glTF file and there is no file at `path`, it may be the name of an animation.
-pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -> Result<BoundClip, Failure> {
-    let given = path;
-    let path = &named(given, args)?;
-    let clip = import::open_clip(path, args.fps).map_err(|error| input.misnamed(given, error))?;
-    if clip.frame_count() == 0 {
-        return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
-    }
-    let held = input.held(settings)?;
-    let bound = input.bind(&clip, &held).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
-    let warn = |text: &str| input.out.iter().for_each(|out| out.warn(format_args!("clip '{}': {text}", clip.name)));
-    bound.notes.iter().for_each(|text| warn(text));
-    let most = bound.largest();
-    if most >= PERCENT {
-        warn(&format!("weights up to {most}, but 1 applies a target in full: are they percentages?"));
-    }
-    Ok(bound)
-}
 
 /// Checks that the clip at `path` has a frame of this number.
 pub fn check_frame(path: &Path, clip: &BoundClip, frame: usize) -> Result<(), Failure> {
@@ -231,44 +186,79 @@ pub fn check_frame(path: &Path, clip: &BoundClip, frame: usize) -> Result<(), Fa
     Err(Failure::Usage(format!("{}: {text}", path.display())))
 }
 
-/// The clip at `named`, or the only one of `input`, with `settings` applied.
-pub fn one_clip(
-    named: Option<&Path>,
-    args: &InputArgs,
-    input: &Input,
-    settings: &Settings,
-) -> Result<BoundClip, Failure> {
-    if named.is_none() && input.clips.len() > 1 {
-        let list = input.clip_names();
-        let (origin, count) = (&input.origin, input.clips.len());
-        return Err(Failure::Usage(format!("{origin} has {count} clips; name one with --weights: {list}")));
-    }
-    clips(named, args, input, settings)?.pop().ok_or_else(|| {
-        let what = format!("{} has no clip (weights/*.csv, or an animation of weights in a glTF file)", input.origin);
-        Failure::Usage(format!("{what}; name one with --weights CSV"))
-    })
-}
-
-/// The clip at `named`, or all of `input`, with `settings` applied.
-pub fn clips(
-    named: Option<&Path>,
-    args: &InputArgs,
-    input: &Input,
-    settings: &Settings,
-) -> Result<Vec<BoundClip>, Failure> {
-    if named.is_none() && args.input.is_none() {
-        // Without targets there are no clips.
-        if input.kept.targets.is_empty() {
-            return Ok(vec![]);
-        }
-        let clip = head::head_clip(&args.head.desc(args.seed), HEAD_FRAMES, args.fps.unwrap_or(csv::DEFAULT_FPS));
-        return Ok(vec![input.bind(&clip, &input.held(settings)?)?]);
-    }
-    let paths = named.map_or_else(|| input.clips.clone(), |path| vec![path.to_path_buf()]);
-    paths.iter().map(|path| clip(path, args, input, settings)).collect()
-}
-
 impl Input {
+    /// The clip that `path` names, as FILE#NAME if it is an animation of a glTF file, or in a packed file: the only one
+    /// of such a file, or one of INPUT by its name.
+    fn named(&self, path: &Path) -> Result<PathBuf, Failure> {
+        if path == Path::new("-") {
+            return Ok("/dev/stdin".into());
+        }
+        if import::animation_of(path).is_some() {
+            return Ok(path.to_path_buf());
+        }
+        let of = |file: &Path, name: &str| PathBuf::from(format!("{}#{name}", file.display()));
+        if path.exists() {
+            if import::is_gltf(path) {
+                let all = gltf::read(path)?.animations;
+                let (joints, weights): (Vec<_>, Vec<_>) = all.iter().partition(|one| one.moves_joints_alone());
+                if let ([only], _) | ([], [only]) = (&weights[..], &joints[..]) {
+                    return Ok(of(path, &only.name));
+                }
+            }
+            return Ok(path.to_path_buf());
+        }
+        let of_input = self.args.input.as_ref().map(|input| of(input, &path.display().to_string()));
+        Ok(of_input.filter(|clip| import::animation_of(clip).is_some()).unwrap_or_else(|| path.to_path_buf()))
+    }
+
+    /// Reads the weight clip at `given`, at least one frame, for the targets, with `settings` applied. If INPUT is a
+    /// glTF file and there is no file at `given`, it may be the name of an animation.
+    pub fn clip(&self, given: &Path, settings: &Settings) -> Result<BoundClip, Failure> {
+        let path = &self.named(given)?;
+        let clip = import::open_clip(path, self.args.fps).map_err(|error| self.misnamed(given, error))?;
+        if clip.frame_count() == 0 {
+            return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
+        }
+        let held = self.held(settings)?;
+        let bound = self.bind(&clip, &held).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
+        let warn = |text: &str| self.out.warn(format_args!("clip '{}': {text}", clip.name));
+        bound.notes.iter().for_each(|text| warn(text));
+        let most = bound.largest();
+        if most >= PERCENT {
+            warn(&format!("weights up to {most}, but 1 applies a target in full: are they percentages?"));
+        }
+        Ok(bound)
+    }
+
+    /// The clip at `named`, or the only one of INPUT, with `settings` applied.
+    pub fn one_clip(&self, named: Option<&Path>, settings: &Settings) -> Result<BoundClip, Failure> {
+        if named.is_none() && self.clips.len() > 1 {
+            let list = self.clip_names();
+            let (origin, count) = (&self.origin, self.clips.len());
+            return Err(Failure::Usage(format!("{origin} has {count} clips; name one with --weights: {list}")));
+        }
+        self.clips(named, settings)?.pop().ok_or_else(|| {
+            let what =
+                format!("{} has no clip (weights/*.csv, or an animation of weights in a glTF file)", self.origin);
+            Failure::Usage(format!("{what}; name one with --weights CSV"))
+        })
+    }
+
+    /// The clip at `named`, or all of INPUT, with `settings` applied.
+    pub fn clips(&self, named: Option<&Path>, settings: &Settings) -> Result<Vec<BoundClip>, Failure> {
+        let InputArgs { input, head, seed, fps, .. } = &self.args;
+        if named.is_none() && input.is_none() {
+            // Without targets there are no clips.
+            if self.kept.targets.is_empty() {
+                return Ok(vec![]);
+            }
+            let clip = head::head_clip(&head.desc(*seed), HEAD_FRAMES, fps.unwrap_or(csv::DEFAULT_FPS));
+            return Ok(vec![self.bind(&clip, &self.held(settings)?)?]);
+        }
+        let paths = named.map_or_else(|| self.clips.clone(), |path| vec![path.to_path_buf()]);
+        paths.iter().map(|path| self.clip(path, settings)).collect()
+    }
+
     /// Names of the targets.
     pub fn targets(&self) -> Vec<&str> {
         self.kept.targets.iter().map(|target| target.name.as_str()).collect()
@@ -308,14 +298,14 @@ impl Input {
 
     /// What was read; without it a warning says why.
     pub fn unless_bad<T>(&self, clip: Result<T, impl Into<Failure>>) -> Option<T> {
-        let warn = |why: Failure| self.out.iter().for_each(|out| out.warn(format_args!("{why}; skipped")));
+        let warn = |why: Failure| self.out.warn(format_args!("{why}; skipped"));
         clip.map_err(Into::into).map_err(warn).ok()
     }
 
     /// Binds a clip to the targets, of which some are `held` at other weights.
     fn bind(&self, clip: &WeightClip, held: &[(usize, f32)]) -> deltamorph::Result<BoundClip> {
         let mut bound = clip.bind_holding(&self.targets(), held)?;
-        if self.normalise {
+        if self.args.normalise {
             bound.normalise();
         }
         self.largest.set(self.largest.get().max(bound.largest()));

@@ -46,7 +46,7 @@ impl From<deltamorph::Error> for Failure {
 }
 
 /// The output of a command.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Output {
     quiet: bool,
     json: Option<PathBuf>,
@@ -164,11 +164,11 @@ impl Output {
 
 /// Merges the JSON of both into one object.
 #[derive(Serialize)]
-pub struct With<T> {
+pub struct With<T, U> {
     #[serde(flatten)]
     pub fields: T,
     #[serde(flatten)]
-    pub more: serde_json::Value,
+    pub more: U,
 }
 
 pub fn to_json(value: &impl Serialize) -> Result<String, Failure> {

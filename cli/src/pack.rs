@@ -46,7 +46,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let kept = input.clips.iter().filter(|clip| import::animation_of(clip).is_some());
     mesh.clips = kept.filter_map(|clip| input.unless_bad(import::open_clip(clip, args.input.fps))).collect();
     mesh.write(&args.output)?;
-    let sample = Sample::new(&input, &args.input, args.pack.weight_max);
+    let sample = Sample::new(&input, args.pack.weight_max);
     let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
     let mesh = Arc::new(mesh);
     let layout = mesh.layout();

@@ -6,7 +6,7 @@ use crate::input;
 use crate::output::{Failure, Output, With};
 use crate::runner::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
-use crate::verify::{Checked, Checks};
+use crate::verify::Checks;
 use deltamorph::{BoundClip, PoseFormat, UpdatePath, WeightClip};
 use deltamorph_head::Rng;
 use deltamorph_headless::DeviceChoice;
@@ -45,7 +45,7 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         run.update.poses = distinct_or(&run.update.poses, &[PoseFormat::Fixed32]);
     }
     let input = input::load(&run.input, true, out)?;
-    let clip = input::one_clip(run.weights.as_deref(), &run.input, &input, &[])?;
+    let clip = input.one_clip(run.weights.as_deref(), &[])?;
     input.largest.set(input.largest.get() + args.noise.unwrap_or(0.0));
     let stage = Stage::new(&run, &input, device, out)?;
     let source = input.raw.clone();
@@ -79,9 +79,8 @@ fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output
     let stage = checks.stage;
     let frames = || shaken(clip.frames(), args.noise, args.run.input.seed);
     let mut runner = if args.animated {
-        let names = stage.mesh.layout().targets.iter().map(|t| t.name.clone()).collect();
-        let values = frames().flatten().collect();
-        stage.animated(&WeightClip { name: clip.name.clone(), names, fps: clip.fps, values, notes: vec![] })?
+        let (name, fps, values) = (clip.name.clone(), clip.fps, frames().flatten().collect());
+        stage.animated(WeightClip { name, fps, values, ..WeightClip::default() })?
     } else {
         stage.runner(stage.desc)?
     };
@@ -113,7 +112,7 @@ fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output
 }
 
 /// The result in words: means and maxima over frames, and the errors; and the summary in JSON.
-fn summary(args: &PlayArgs, clip: &str, frames: &[FrameRow], checks: &Checks<'_>) -> (String, With<Checked>) {
+fn summary(args: &PlayArgs, clip: &str, frames: &[FrameRow], checks: &Checks<'_>) -> (String, impl Serialize) {
     let mut table = Table::new(&["per frame", "mean", "least", "median", "most"], 1);
     let stats =
         |value: &dyn Fn(&FrameRow) -> Option<f64>| Stats::of(&frames.iter().filter_map(value).collect::<Vec<_>>());

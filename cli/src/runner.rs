@@ -12,9 +12,8 @@ use deltamorph::{
 };
 pub use deltamorph_headless::Headless as Gpu;
 use deltamorph_headless::{DeviceChoice, Draws, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
-use serde::Serialize;
+use serde_json::{Value, json};
 use std::rc::Rc;
-use std::slice::from_ref;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -38,6 +37,13 @@ pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, 
         out.warn(format_args!("{name} is a software driver: it runs on the CPU"));
     }
     Ok(gpu)
+}
+
+/// Opens the device that draws pictures.
+pub fn open_to_draw(choice: Option<&DeviceChoice>, out: &Output) -> Result<Gpu, Failure> {
+    open(choice, out)?.ok_or_else(|| {
+        Failure::Failed("drawing needs a Vulkan device, and there is none; on Linux ./with-vulkan installs one".into())
+    })
 }
 
 /// `None`, with a warning, if there is no device and none was chosen; other errors are failures.
@@ -166,7 +172,7 @@ impl<'a> Runner<'a> {
         parts: &[(Arc<PackedMesh>, UpdateDesc)],
         clips: Vec<Vec<WeightClip>>,
         heads: u32,
-        ahead: usize,
+        (ahead, repeat): (usize, Repeat),
     ) -> deltamorph::Result<Self> {
         let (mut crowds, fps) = (vec![], clips[0][0].fps);
         for (part, ((mesh, desc), mut clips)) in (0..).zip(parts.iter().zip(clips)) {
@@ -176,7 +182,7 @@ impl<'a> Runner<'a> {
             let mut crowd = HeadlessCrowd::animated(gpu, mesh, &crowd_desc(*desc, heads), &animation)?;
             for (head, clip) in (0..heads).zip((0..clips.len() as u32).cycle()) {
                 let frames = f64::from(part * heads + head) * ahead as f64;
-                crowd.play(head, &Playback { start: -frames / f64::from(fps), ..Playback::new(clip) })?;
+                crowd.play(head, &Playback { start: -frames / f64::from(fps), repeat, ..Playback::new(clip) })?;
             }
             crowds.push(crowd);
         }
@@ -213,7 +219,7 @@ impl<'a> Runner<'a> {
                 if let Some(upload) = upload.as_mut().filter(|_| draws.any()) {
                     let poses: Vec<_> =
                         (0..weights.len() as u32).map(|head| crowd.pose(head)).collect::<Result<_, _>>()?;
-                    frame.upload_ms = Some(upload.upload(&poses.iter().map(AsRef::as_ref).collect::<Vec<_>>())?.cpu_ms);
+                    frame.upload_ms = Some(upload.upload(&poses.iter().map(AsRef::as_ref).collect::<Vec<_>>())?);
                     frame.draw_ms = upload.draw(draws)?;
                 }
                 return Ok(frame);
@@ -288,21 +294,6 @@ pub struct Stage {
     pub desc: UpdateDesc,
 }
 
-/// The update options, in the JSON of each command. Fields may be added, never renamed.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Setup {
-    path: &'static str,
-    format: &'static str,
-    /// "incremental" or "rebuild".
-    mode: &'static str,
-    /// "float" or "exact".
-    accumulate: &'static str,
-    pose: &'static str,
-    slots: u32,
-    /// In input units; 0 if nothing is deferred.
-    error_budget: f32,
-}
-
 /// How poses add up: "exact" where sums are of integers, and equal to a full evaluation bit for bit; else "float".
 pub fn accumulate(desc: &UpdateDesc) -> &'static str {
     if desc.pose.has_integers() || desc.path == deltamorph_baselines::SCATTER { "exact" } else { "float" }
@@ -332,25 +323,21 @@ impl Stage {
     }
 
     /// An instance that plays `clip` from its beginning, planned on the device.
-    pub fn animated(&self, clip: &WeightClip) -> Result<Runner<'_>, Failure> {
+    pub fn animated(&self, clip: WeightClip) -> Result<Runner<'_>, Failure> {
         let gpu = self.gpu.as_deref().filter(|_| self.desc.path == UpdatePath::Blocks);
         let gpu = gpu.ok_or_else(|| Failure::Usage("--animated needs a Vulkan device and the path blocks".into()))?;
-        let animation = AnimationDesc::new(from_ref(clip));
-        let mut crowd = HeadlessCrowd::animated(gpu, &self.mesh, &crowd_desc(self.desc, 1), &animation)?;
-        crowd.play(0, &Playback { repeat: Repeat::Once, ..Playback::new(0) })?;
-        Ok(Runner::Device(vec![crowd], Some(Playing { fps: clip.fps, frame: 0 })))
+        let parts = [(self.mesh.clone(), self.desc)];
+        Ok(Runner::animated(gpu, &parts, vec![vec![clip]], 1, (0, Repeat::Once))?)
     }
 
-    pub fn setup(&self) -> Setup {
-        Setup {
-            path: self.desc.path.name(),
-            format: self.mesh.layout().format.name(),
-            mode: self.desc.mode.name(),
-            accumulate: accumulate(&self.desc),
-            pose: self.desc.pose.name(),
-            slots: self.desc.slots,
-            error_budget: self.desc.error_budget,
-        }
+    /// The update options, in the JSON of each command. Fields may be added, never renamed. The error budget is in
+    /// input units, 0 if nothing is deferred.
+    pub fn setup(&self) -> Value {
+        let UpdateDesc { path, mode, pose, slots, error_budget, .. } = self.desc;
+        json!({
+            "path": path.name(), "format": self.mesh.layout().format.name(), "mode": mode.name(),
+            "accumulate": accumulate(&self.desc), "pose": pose.name(), "slots": slots, "error_budget": error_budget,
+        })
     }
 
     /// In words: "blocks fast fixed32, 2 slots, on llvmpipe".

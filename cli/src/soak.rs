@@ -16,7 +16,7 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let run = &args.run;
     input::check("soak", run, &[], out)?;
     let input = input::load(&run.input, false, out)?;
-    let clips = input::clips(run.weights.as_deref(), &run.input, &input, &[])?;
+    let clips = input.clips(run.weights.as_deref(), &[])?;
     let stage = Stage::new(run, &input, device, out)?;
     let origin = input.origin.clone();
     // Only the packed mesh is needed from here on.

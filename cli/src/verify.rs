@@ -1,7 +1,7 @@
 //! Bounds on errors of an update path, and checks of poses against them: common to `apply`, `bench`, `play` and `soak`.
 
-use crate::output::{Failure, Output};
-use crate::runner::{Frame, Runner, Setup, Stage};
+use crate::output::{Failure, Output, With};
+use crate::runner::{Frame, Runner, Stage};
 use crate::table::{sig3, thousands};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_group, evaluate_unpacked};
@@ -12,6 +12,7 @@ use deltamorph::{
 use deltamorph_headless::Draws;
 use glam::DVec3;
 use serde::Serialize;
+use serde_json::json;
 use std::sync::Arc;
 
 /// Remedy for a wrong pose.
@@ -34,8 +35,6 @@ pub const FAR_OFF: f64 = 1e-3;
 pub struct Found {
     /// Against the reference on the packed deltas.
     pub error: PoseError,
-    /// Against the raw files.
-    pub raw: PoseError,
     /// Largest angle between normals, minus the one that rounding to the unit of poses may cause, in degrees.
     pub turned: f64,
     /// The path's stated bound on position errors, in input units: from drift, or from rounding to the unit of poses.
@@ -52,7 +51,6 @@ impl Found {
     pub fn max(self, other: Self) -> Self {
         Self {
             error: self.error.max(other.error),
-            raw: self.raw.max(other.raw),
             turned: worse(self.turned, other.turned),
             bound: self.bound.max(other.bound),
             reach: self.reach.max(other.reach),
@@ -106,7 +104,7 @@ fn errors(pose: &[f32], reference: &[f64], mesh: &PackedMesh, source: &KeptMesh,
 }
 
 /// The largest distance between vertices of two poses.
-fn farthest(a: &[f64], b: &[f64]) -> f64 {
+pub fn farthest(a: &[f64], b: &[f64]) -> f64 {
     let vertices = a.chunks_exact(POSE_FLOATS).zip(b.chunks_exact(POSE_FLOATS));
     vertices.map(|(a, b)| DVec3::from_slice(a).distance(DVec3::from_slice(b))).fold(0.0, worse)
 }
@@ -273,27 +271,6 @@ pub struct Checks<'a> {
     wrong: Option<(usize, String)>,
 }
 
-/// The update options and the comparisons, in the JSON of `play`, `soak` and `apply`. Fields may be added, never
-/// renamed.
-#[derive(Debug, Serialize)]
-pub struct Checked {
-    #[serde(flatten)]
-    setup: Setup,
-    /// Frames that were compared.
-    checks: usize,
-    /// The largest bound that the path stated, in input units, from drift or from rounding to the unit of poses; 0 if
-    /// neither occurs.
-    bound: f64,
-    /// The same as a fraction of the diagonal.
-    bound_rel: f64,
-    /// The largest difference of any component of further streams (tangents, texture coordinates, colours) from the
-    /// reference; 0 without any.
-    streams_error: f64,
-    /// Without a source, those against the float64 reference: of sums of integers with weights rounded to their grid.
-    #[serde(flatten)]
-    errors: Errors,
-}
-
 impl<'a> Checks<'a> {
     /// Checks positions and further streams of `stage` against the reference; with a `source` also normals, and
     /// positions against it.
@@ -373,19 +350,17 @@ impl<'a> Checks<'a> {
         Ok((step, Some(errors[0])))
     }
 
-    fn errors(&self) -> Errors {
-        Errors::new(self.most, self.promise.scale)
-    }
-
-    pub fn record(&self) -> Checked {
-        Checked {
-            setup: self.stage.setup(),
-            checks: self.count,
-            bound: self.found.bound,
-            bound_rel: self.found.bound / self.promise.scale,
-            streams_error: self.found.streams,
-            errors: self.errors(),
-        }
+    /// The update options and the comparisons, in the JSON of `play`, `soak` and `apply`. Fields may be added, never
+    /// renamed. Without a source, errors are those against the float64 reference: of sums of integers with weights
+    /// rounded to their grid. The bound is the largest that the path stated, in input units, from drift or from
+    /// rounding to the unit of poses; 0 if neither occurs. `streams_error` is the largest difference of any component
+    /// of further streams (tangents, texture coordinates, colours) from the reference; 0 without any.
+    pub fn record(&self) -> impl Serialize + use<> {
+        let (bound, scale) = (self.found.bound, self.promise.scale);
+        let more = json!({
+            "checks": self.count, "bound": bound, "bound_rel": bound / scale, "streams_error": self.found.streams,
+        });
+        With { fields: self.stage.setup(), more: With { fields: Errors::new(self.most, scale), more } }
     }
 
     /// The result in words.

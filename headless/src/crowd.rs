@@ -2,7 +2,6 @@
 
 mod after;
 mod read;
-mod times;
 
 use super::Headless;
 use super::draw::{Draws, PoseDraw};

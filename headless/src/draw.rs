@@ -83,17 +83,6 @@ impl PoseDraw {
     }
 }
 
-/// The times and bytes of an upload.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Uploaded {
-    /// Device time of the copy in milliseconds, if the device has timestamps.
-    pub gpu_ms: Option<f64>,
-    /// Milliseconds from poses in main memory to the fence: write to staging memory, copy, wait.
-    pub cpu_ms: f64,
-    /// Bytes loaded and stored: read, written to staging memory, and copied from there.
-    pub bytes_moved: u64,
-}
-
 /// Uploads poses of a [`CpuCrowd`](deltamorph::CpuCrowd) to a device-local vertex buffer, through staging memory.
 pub struct PoseUpload<'a> {
     headless: &'a Headless,
@@ -132,11 +121,12 @@ impl<'a> PoseUpload<'a> {
     }
 
     /// Uploads the pose of each instance, as returned by [`CpuCrowd::pose`](deltamorph::CpuCrowd::pose), makes it ready
-    /// for vertex-attribute reads, and waits.
+    /// for vertex-attribute reads, and waits. Returns milliseconds from poses in main memory to the fence: write to
+    /// staging memory, copy, wait.
     ///
     /// # Errors
     /// Too few or too many poses, or one of the wrong size; the device fails.
-    pub fn upload(&mut self, poses: &[&[f32]]) -> Result<Uploaded> {
+    pub fn upload(&mut self, poses: &[&[f32]]) -> Result<f64> {
         let (pose_bytes, start) = (self.pose_bytes as usize, Instant::now());
         if poses.len() != self.instances as usize || poses.iter().any(|pose| size_of_val(*pose) != pose_bytes) {
             return Err(Error::invalid(
@@ -149,15 +139,14 @@ impl<'a> PoseUpload<'a> {
         }
         let size = (pose_bytes * poses.len()) as u64;
         let (submitter, region) = (&self.headless.submitter, [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }]);
-        let ((), [gpu_ms, _]) = submitter.run_timed(|cmd, _| {
+        submitter.run(|cmd| {
             // SAFETY: the buffer is recording on this device; the region lies within both buffers, which are alive;
             // nothing is running, since each submission is waited for.
             unsafe { submitter.device.cmd_copy_buffer(cmd, self.staging.raw, self.poses.raw, &region) };
             full_barrier(&submitter.device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
             Ok(())
         })?;
-        let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok(Uploaded { gpu_ms, cpu_ms, bytes_moved: 4 * size })
+        Ok(start.elapsed().as_secs_f64() * 1e3)
     }
 
     /// Draws every uploaded pose, discarding all primitives; returns device time in milliseconds.

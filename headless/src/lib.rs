@@ -13,7 +13,7 @@ mod wait;
 pub use bandwidth::Bandwidth;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 #[doc(hidden)]
-pub use draw::{Draws, PoseUpload, Uploaded};
+pub use draw::{Draws, PoseUpload};
 #[doc(hidden)]
 pub use image::{Image, ImageDesc};
 #[doc(hidden)]

@@ -152,12 +152,8 @@ impl Submitter {
         Ok((result, [ms(at[0], at[1]), ms(at[1], at[2])]))
     }
 
-    pub(super) fn has_timestamps(&self) -> bool {
-        self.queries.is_some()
-    }
-
     /// Milliseconds from one timestamp to another.
-    pub(super) fn ms(&self, from: u64, to: u64) -> f64 {
+    fn ms(&self, from: u64, to: u64) -> f64 {
         (to.wrapping_sub(from) & self.mask) as f64 * self.tick
     }
 

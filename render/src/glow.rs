@@ -16,7 +16,7 @@ pub(crate) struct Glow {
 impl Glow {
     /// Makes the glow of a head of the mesh with this `layout`, all dark.
     pub(crate) fn new(layout: &PackedLayout) -> Self {
-        Self { pieces: vec![0.0; pieces_of(layout.padded_vertices())] }
+        Self { pieces: vec![0.0; layout.padded_vertices().div_ceil(PIECE as usize)] }
     }
 
     /// Brightens the vertices that an update changed ([`Crowd::changed`](deltamorph::Crowd::changed)). Pieces changed
@@ -35,11 +35,6 @@ impl Glow {
     pub(crate) fn pieces(&self) -> &[f32] {
         &self.pieces
     }
-}
-
-/// Returns the number of pieces for this number of vertices.
-pub(crate) fn pieces_of(vertices: usize) -> usize {
-    vertices.div_ceil(PIECE as usize)
 }
 
 #[cfg(test)]

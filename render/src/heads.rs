@@ -6,7 +6,6 @@ use crate::memory::{Buffer, buffer, write};
 use crate::model::Model;
 use crate::normals::Normals;
 use crate::parts::Part;
-use crate::passes::RendererDesc;
 use crate::renderer::Renderer;
 use crate::scene::{Head, Masks, Scale, Scene, Show};
 use crate::target::Target;
@@ -19,21 +18,20 @@ use deltamorph::{
 use deltamorph_headless::Headless;
 use glam::Mat4;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Options of [`Heads`].
 #[derive(Clone, Copy, Debug)]
-pub struct HeadsDesc {
+pub struct HeadsDesc<'a> {
     /// Number of heads (≥ 1).
     pub count: u32,
-    /// Frames that may be unfinished at the same time (≥ 1).
-    pub frames: usize,
     /// Updates of the poses.
     pub update: UpdateDesc,
     /// Threads of the path `cpu`; 0: one per core.
     pub threads: usize,
     /// Draw normals of the morphed surface in place of sums of the targets' normal deltas, on the paths of the device.
     pub recompute_normals: bool,
+    /// A mesh and its parts that are drawn with each head: it stands as it is, relative to the head, without a pose.
+    pub still: Option<(&'a KeptMesh, &'a [Part])>,
     /// For [`Show::Blocks`]: the fraction of its brightness that a changed vertex keeps from one update to the next, 0
     /// to 1.
     pub afterglow: f32,
@@ -41,10 +39,10 @@ pub struct HeadsDesc {
     pub cull: bool,
 }
 
-impl HeadsDesc {
-    /// One head and one frame at a time.
+impl HeadsDesc<'_> {
+    /// One head.
     pub fn new(update: UpdateDesc) -> Self {
-        Self { count: 1, frames: 1, update, threads: 0, recompute_normals: false, afterglow: 0.0, cull: false }
+        Self { count: 1, update, threads: 0, recompute_normals: false, still: None, afterglow: 0.0, cull: false }
     }
 }
 
@@ -53,15 +51,13 @@ impl HeadsDesc {
 pub struct Updated {
     /// Its counts.
     pub stats: UpdateStats,
-    /// Processor time of weights, plan and recording; on the path `cpu`, of the whole update; in milliseconds.
-    pub cpu_ms: f64,
     ticket: Option<Ticket>,
 }
 
 /// Heads of one mesh, to be drawn: on the device, from the buffers of a crowd; on the path `cpu`,
 /// from buffers that the poses are copied to.
 pub struct Heads {
-    desc: HeadsDesc,
+    desc: HeadsDesc<'static>,
     poses: Poses,
     normals: Option<Normals>,
     glow: Vec<Glow>,
@@ -84,8 +80,8 @@ enum Poses {
 /// A crowd on the path `cpu`.
 struct Processor {
     crowd: CpuCrowd,
-    /// For each frame: the poses, those of the update before, and the group with the masks, if any.
-    buffers: Vec<Buffer>,
+    /// The poses, those of the update before, and the group with the masks, if any.
+    buffer: Buffer,
     /// The poses of the last update.
     last: Vec<u8>,
     /// Of the poses, and of the group with the masks.
@@ -107,9 +103,9 @@ impl Heads {
         mesh: &KeptMesh,
         packed: &Arc<PackedMesh>,
         parts: &[Part],
-        desc: &HeadsDesc,
+        desc: &HeadsDesc<'_>,
     ) -> Result<Self> {
-        let HeadsDesc { count, frames, update, recompute_normals, cull, .. } = *desc;
+        let HeadsDesc { count, update, recompute_normals, still, cull, .. } = *desc;
         let path = update.path;
         if path.evaluates_in_draws() {
             return Err(Error::Invalid {
@@ -129,16 +125,16 @@ impl Heads {
         let uploaded = headless.upload(|cmd| unsafe { engine.upload(cmd, packed) })?;
         // Recomputed normals are float32.
         let pose = if recompute_normals { PoseFormat::Float32 } else { update.pose };
-        let renderer = RendererDesc { pose, masks: masks.is_some() };
         // SAFETY: the device outlives the heads: the caller's obligation.
-        let renderer = unsafe { Renderer::new(headless, &renderer) }?;
+        let renderer = unsafe { Renderer::new(headless, pose, masks.is_some()) }?;
         // SAFETY: fields drop in order, the model before the mesh that it reads.
-        let model = unsafe { Model::new(&renderer, mesh, packed.layout(), parts) }?;
+        let mut model = unsafe { Model::new(&renderer, mesh, packed.layout(), parts) }?;
+        still.map_or(Ok(()), |(mesh, parts)| model.set_still(&renderer, mesh, parts))?;
         let mut normals = None;
         let poses = if path == UpdatePath::Cpu {
             Poses::Processor(Box::new(Processor::new(&renderer, packed, desc, masks)?))
         } else {
-            let crowd = CrowdDesc { instances: count, frames_in_flight: frames as u32, ..CrowdDesc::new(update) };
+            let crowd = CrowdDesc { instances: count, frames_in_flight: 1, ..CrowdDesc::new(update) };
             let mut crowd = Box::new(engine.create_crowd(&uploaded, &crowd)?);
             if recompute_normals {
                 normals = Some(Normals::new(headless, &renderer.gpu, packed, &mut crowd)?);
@@ -147,7 +143,7 @@ impl Heads {
         };
         let bounds = if cull { Some((PoseBounds::new(packed, &update)?, vec![])) } else { None };
         Ok(Self {
-            desc: *desc,
+            desc: HeadsDesc { still: None, ..*desc },
             poses,
             normals,
             glow: vec![Glow::new(packed.layout()); count as usize],
@@ -170,17 +166,7 @@ impl Heads {
         Target::new(&self.renderer, size, self.desc.count)
     }
 
-    /// Draws `mesh`, made of `parts`, with each head: it stands as it is, relative to the head, without a pose. No
-    /// commands recorded with the heads may still be to run.
-    ///
-    /// # Errors
-    /// There is no memory.
-    pub fn set_still(&mut self, mesh: &KeptMesh, parts: &[Part]) -> Result<()> {
-        self.model.set_still(&self.renderer, mesh, parts)
-    }
-
-    /// Updates every head to `weights[head]`, for frame in flight `frame`: records into `cmd`, or updates at once on
-    /// the path `cpu`.
+    /// Updates every head to `weights[head]`: records into `cmd`, or updates at once on the path `cpu`.
     ///
     /// # Errors
     /// Another number of weights than of heads; weights that are not valid; the device fails.
@@ -188,12 +174,11 @@ impl Heads {
     /// # Safety
     /// - `cmd` is recording on the device of the engine, outside a render pass, on a queue with compute; it runs once,
     ///   in the order of recording, or the update is [discarded](Self::discard).
-    /// - The last commands recorded for `frame` have finished.
+    /// - The commands of the update before, and of draws of it, have finished.
     pub unsafe fn update(
         &mut self,
         engine: &MorphEngine,
         cmd: vk::CommandBuffer,
-        frame: usize,
         weights: &[impl AsRef<[f32]>],
     ) -> Result<Updated> {
         if weights.len() != self.desc.count as usize {
@@ -202,7 +187,6 @@ impl Heads {
                 remedy: "give the weights of every head".into(),
             });
         }
-        let start = Instant::now();
         let (stats, ticket) = match &mut self.poses {
             Poses::Device(crowd) => {
                 for (head, weights) in (0..).zip(weights) {
@@ -219,7 +203,6 @@ impl Heads {
                 (processor.crowd.update(), None)
             }
         };
-        let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
         if let Some((bounds, heads)) = &mut self.bounds {
             bounds.updated(&stats);
             *heads = weights.iter().map(|weights| bounds.of(weights.as_ref())).collect();
@@ -234,9 +217,9 @@ impl Heads {
             glow.update(&changed, self.desc.afterglow);
         }
         if let Poses::Processor(processor) = &mut self.poses {
-            processor.write(frame, self.desc.count, self.masks)?;
+            processor.write(self.desc.count, self.masks)?;
         }
-        Ok(Updated { stats, cpu_ms, ticket })
+        Ok(Updated { stats, ticket })
     }
 
     /// Takes back an update whose commands will never run.
@@ -271,12 +254,11 @@ impl Heads {
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer that is recording on the device, outside a render pass, on a queue with
-    ///   graphics, after the last [update](Self::update), which was for the same `frame`.
+    ///   graphics, after the last [update](Self::update).
     /// - The target was made with these heads, and no commands recorded with it before are still to run.
     pub unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
-        frame: usize,
         target: &mut Target,
         places: &[Mat4],
         scene: &Scene,
@@ -288,13 +270,19 @@ impl Heads {
                 remedy: "give one for every head".into(),
             });
         }
+        if scene.show == Show::Wrinkles && self.masks.is_none() {
+            return Err(Error::Invalid {
+                what: "wrinkles of a mesh without masks".into(),
+                remedy: "add masks with wrinkles::add before the mesh is packed".into(),
+            });
+        }
         if scene.show == Show::Blocks {
             for (head, glow) in self.glow.iter().enumerate() {
                 // SAFETY: the caller's obligations.
                 unsafe { target.set_glow(head, glow) }?;
             }
         }
-        let heads = places.iter().enumerate().map(|(i, place)| self.head(frame, i, *place));
+        let heads = places.iter().enumerate().map(|(i, place)| self.head(i, *place));
         let heads = heads.collect::<Result<Vec<_>>>()?;
         // SAFETY: the caller's obligations; model and target are the renderer's; the poses are of the mesh, and ready:
         // the update has a barrier, and writes of the host are visible to later submissions.
@@ -302,11 +290,11 @@ impl Heads {
     }
 
     /// Returns a head to draw.
-    fn head(&self, frame: usize, number: usize, place: Mat4) -> Result<Head> {
+    fn head(&self, number: usize, place: Mat4) -> Result<Head> {
         let bounds = self.bounds.as_ref().map(|(_, heads)| heads[number]);
         let crowd = match &self.poses {
             Poses::Device(crowd) => crowd,
-            Poses::Processor(processor) => return Ok(Head { bounds, ..processor.head(frame, number, place, self) }),
+            Poses::Processor(processor) => return Ok(Head { bounds, ..processor.head(number, place, self) }),
         };
         let pose = crowd.pose(number as u32)?;
         let previous = crowd.previous_pose(number as u32)?.unwrap_or(pose);
@@ -332,27 +320,30 @@ impl Heads {
 }
 
 impl Processor {
-    fn new(renderer: &Renderer, packed: &Arc<PackedMesh>, desc: &HeadsDesc, masks: Option<MaskPlace>) -> Result<Self> {
-        let HeadsDesc { count, frames, update, threads, .. } = *desc;
+    fn new(
+        renderer: &Renderer,
+        packed: &Arc<PackedMesh>,
+        desc: &HeadsDesc<'_>,
+        masks: Option<MaskPlace>,
+    ) -> Result<Self> {
+        let HeadsDesc { count, update, threads, .. } = *desc;
         let crowd = CpuCrowd::new(packed.clone(), &CrowdDesc { instances: count, ..CrowdDesc::new(update) }, threads)?;
         let bytes = count as usize * crowd.stored_pose(0, 0)?.len();
         let bytes = bytes * if masks.is_some() { 3 } else { 2 };
-        let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
-        let buffers = (0..frames).map(|_| buffer(&renderer.gpu, bytes, usage));
         let scale = |group: usize| -> Result<Scale> {
             let grid = update.grid(packed.groups()[group].layout())?;
             Ok(grid.map_or(Scale::ONE, |grid| Scale { scale: grid.units, offsets: grid.offsets }))
         };
         Ok(Self {
             crowd,
-            buffers: buffers.collect::<Result<_>>()?,
+            buffer: buffer(&renderer.gpu, bytes, vk::BufferUsageFlags::VERTEX_BUFFER)?,
             last: vec![],
             scale: [scale(0)?, scale(masks.map_or(0, |place| place.group))?],
         })
     }
 
-    /// Copies the poses to the buffer of a frame.
-    fn write(&mut self, frame: usize, heads: u32, masks: Option<MaskPlace>) -> Result<()> {
+    /// Copies the poses to the buffer.
+    fn write(&mut self, heads: u32, masks: Option<MaskPlace>) -> Result<()> {
         let mut poses = vec![];
         let mut folds = vec![];
         for head in 0..heads {
@@ -363,16 +354,13 @@ impl Processor {
         }
         // The first poses have no previous ones.
         let before = if self.last.is_empty() { &poses } else { &self.last };
-        let buffer = &mut self.buffers[frame];
-        write(buffer, 0, &poses)?;
-        write(buffer, poses.len(), before)?;
-        write(buffer, 2 * poses.len(), &folds)?;
+        write(&mut self.buffer, 0, &[&poses, before, &folds].map(Vec::as_slice).concat())?;
         self.last = poses;
         Ok(())
     }
 
-    fn head(&self, frame: usize, number: usize, place: Mat4, heads: &Heads) -> Head {
-        let buffer = self.buffers[frame].raw;
+    fn head(&self, number: usize, place: Mat4, heads: &Heads) -> Head {
+        let buffer = self.buffer.raw;
         let all = self.last.len() as u64;
         let offset = number as u64 * (all / u64::from(heads.desc.count));
         let masks = heads.masks.map(|place| Masks {

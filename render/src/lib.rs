@@ -6,9 +6,8 @@
 //! - [`Scene`] describes the picture: a [`Camera`] that fits the scene, a [`Light`], and what to [`Show`].
 //! - [`wrinkles`] appear where a pose compresses the skin.
 //! - [`parts`] separates skin from eyes and teeth, and takes the [`Surface`] that a file states. Parts that nothing
-//!   moves are drawn with each head, without a pose ([`Heads::set_still`]).
-//! - [`Studio`] submits as well, on a device of [`headless`](deltamorph_headless), with several frames in
-//!   flight.
+//!   moves are drawn with each head, without a pose ([`HeadsDesc::still`]).
+//! - [`Studio`] submits and waits as well, on a device of [`headless`](deltamorph_headless).
 //!
 //! Needs Vulkan 1.1 and four samples per pixel, but no extension or feature.
 

@@ -1,6 +1,5 @@
 //! The static data of a drawn mesh: indices and parts.
 
-use crate::glow::pieces_of;
 use crate::memory::{self, Buffer};
 use crate::parts::Part;
 use crate::renderer::Renderer;
@@ -22,8 +21,6 @@ pub(crate) struct Model {
     pub(crate) parts: Vec<Drawn>,
     /// Middle of the box around the drawn part of the base pose, and half its diagonal.
     pub(crate) middle: Vec4,
-    /// Number of pieces in a [`Glow`](crate::Glow).
-    pub(crate) pieces: usize,
     /// Vertices per block; for dense formats, of the mesh.
     pub(crate) block: u32,
     /// Parts that nothing moves.
@@ -70,7 +67,7 @@ impl Model {
         let count = mesh.vertex_count();
         let places: Vec<u32> = (0..count as u32).collect();
         let rest = at_rest(mesh, &places, count);
-        let (bytes, scale) = stored(renderer.desc.pose, &rest);
+        let (bytes, scale) = stored(renderer.pose, &rest);
         let pose = memory::filled(&renderer.gpu, &bytes, vk::BufferUsageFlags::VERTEX_BUFFER)?;
         let still = Self::placed(renderer, mesh, parts, places, (count, count.max(1) as u32))?;
         self.still = Some(Box::new(Self { stands: Some((pose, scale)), ..still }));
@@ -123,7 +120,6 @@ impl Model {
             )?,
             parts: drawn,
             middle: ((low + high) / 2.0).extend((low.distance(high) / 2.0).max(f32::MIN_POSITIVE)),
-            pieces: pieces_of(padded),
             block,
             still: None,
             stands: None,

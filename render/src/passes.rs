@@ -2,7 +2,7 @@
 
 use deltamorph::ash::vk;
 use deltamorph::internals::gpu::device::Device;
-use deltamorph::{Error, PoseFormat, Result};
+use deltamorph::{Error, Result};
 use std::slice::from_ref;
 use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
 
@@ -17,15 +17,6 @@ const OUTSIDE: u32 = vk::SUBPASS_EXTERNAL;
 const ONE: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_1;
 const KEEP: vk::AttachmentStoreOp = vk::AttachmentStoreOp::STORE;
 const DROP: vk::AttachmentStoreOp = vk::AttachmentStoreOp::DONT_CARE;
-
-/// Options of a renderer.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RendererDesc {
-    /// Format of the poses that are drawn.
-    pub(crate) pose: PoseFormat,
-    /// Support [`Show::Wrinkles`](crate::Show::Wrinkles), which needs additional pipelines.
-    pub(crate) masks: bool,
-}
 
 /// Describes an attachment that is cleared by the pass.
 fn attachment(

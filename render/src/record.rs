@@ -7,8 +7,8 @@ use crate::renderer::{MASK_BINDING, Renderer};
 use crate::scene::{Head, PartPush, Scene, Show};
 use crate::target::Target;
 use bytemuck::bytes_of;
+use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::{Error, Result};
 use std::ops::Range;
 use std::slice::from_ref;
 
@@ -28,13 +28,13 @@ impl Renderer {
     /// numbers of recorded and of skipped draws.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if there are more heads than the target was made for, or wrinkles are to be shown, and the
-    /// renderer or a head has no masks.
+    /// The device has not mapped the target's buffers.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer that is recording on the renderer's device, outside a render pass, on a
     ///   queue with graphics.
-    /// - Model and target were made with this renderer; no commands recorded with the target before are still to run.
+    /// - Model and target were made with this renderer, the target for as many heads, which have masks if wrinkles are
+    ///   shown; no commands recorded with the target before are still to run.
     /// - The poses are of the renderer's format and of the model's mesh, tightly packed, ready for vertex-attribute
     ///   reads, and alive until the commands have run.
     pub(crate) unsafe fn record(
@@ -48,8 +48,6 @@ impl Renderer {
     ) -> Result<[usize; 2]> {
         let seen = target.write(scene, model, heads)?;
         let mut draws = [0; 2];
-        target.check_glow(model, scene.show)?;
-        self.check_masks(heads, scene.show)?;
         let device = &self.gpu.raw;
         let far = vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 } };
         let behind = vk::ClearValue { color: vk::ClearColorValue { float32: background } };
@@ -114,20 +112,6 @@ impl Renderer {
             unsafe { device.cmd_end_render_pass(cmd) };
         }
         Ok(draws)
-    }
-
-    /// Checks that wrinkles are only shown with masks.
-    fn check_masks(&self, heads: &[Head], show: Show) -> Result<()> {
-        if show != Show::Wrinkles || self.desc.masks && heads.iter().all(|head| head.masks.is_some()) {
-            return Ok(());
-        }
-        let what = match self.desc.masks {
-            true => "wrinkles of heads without masks",
-            false => "wrinkles, which the renderer was not made for",
-        };
-        let remedy = "add masks to the mesh with wrinkles::add before it is packed, and name them in \
-                      RendererDesc::masks and Head::masks";
-        Err(Error::Invalid { what: what.into(), remedy: remedy.into() })
     }
 
     /// # Safety

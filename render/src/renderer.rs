@@ -1,11 +1,11 @@
 //! Passes, layouts and pipelines.
 
 use crate::modules;
-use crate::passes::{self, RendererDesc, SAMPLES};
+use crate::passes::{self, SAMPLES};
 use crate::scene::PartPush;
 use deltamorph::ash::vk;
 use deltamorph::internals::gpu::device::Device;
-use deltamorph::{Error, Result};
+use deltamorph::{Error, PoseFormat, Result};
 use deltamorph_headless::Headless;
 use std::slice::from_ref;
 use std::sync::Arc;
@@ -37,7 +37,10 @@ type Input = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttribu
 pub(crate) struct Renderer {
     pub(crate) gpu: Arc<Device>,
     pub(crate) limits: vk::PhysicalDeviceLimits,
-    pub(crate) desc: RendererDesc,
+    /// Format of the poses that are drawn.
+    pub(crate) pose: PoseFormat,
+    /// Whether it draws [`Show::Wrinkles`](crate::Show::Wrinkles), which needs additional pipelines.
+    masks: bool,
     pub(crate) depth_format: vk::Format,
     pub(crate) shadow_pass: vk::RenderPass,
     pub(crate) pass: vk::RenderPass,
@@ -68,7 +71,7 @@ impl Renderer {
     /// - The device outlives the renderer and all [models](crate::Model) and [targets](crate::Target) made with it.
     /// - The device has Vulkan 1.1.
     /// - A renderer, model or target is dropped only when no commands recorded with it are still to run.
-    pub(crate) unsafe fn new(headless: &Headless, desc: &RendererDesc) -> Result<Self> {
+    pub(crate) unsafe fn new(headless: &Headless, pose: PoseFormat, masks: bool) -> Result<Self> {
         let (instance, physical, _) = headless.handles();
         // SAFETY: the physical device is the instance's.
         let limits = unsafe { instance.get_physical_device_properties(physical) }.limits;
@@ -83,7 +86,8 @@ impl Renderer {
         let mut this = Self {
             gpu: headless.engine().device().clone(),
             limits,
-            desc: *desc,
+            pose,
+            masks,
             depth_format,
             shadow_pass: vk::RenderPass::null(),
             pass: vk::RenderPass::null(),
@@ -136,8 +140,8 @@ impl Renderer {
     }
 
     fn make_pipelines(&mut self) -> Result<()> {
-        let modules = modules::of(self.desc.pose)?;
-        let (bindings, mut attributes) = self.desc.pose.vertex_input();
+        let modules = modules::of(self.pose)?;
+        let (bindings, mut attributes) = self.pose.vertex_input();
         attributes.iter_mut().for_each(|attribute| attribute.location += POSE_LOCATION);
         // The map only needs positions, but the shader declares all inputs of the poses.
         self.shadow = self.pipeline(self.shadow_pass, &[modules.shadow], (bindings, attributes), Drawn::All)?;
@@ -148,7 +152,7 @@ impl Renderer {
             self.shaded[side] = self.pictured(modules.face, self.input(false), faces)?;
             self.plain[side] = self.pictured(modules.face, self.input(false), plain)?;
             self.motion[side] = self.pictured(modules.motion, self.input(true), faces)?;
-            if self.desc.masks {
+            if self.masks {
                 self.wrinkled[side] = self.pictured(modules.masks, self.masked_input(), faces)?;
             }
         }
@@ -164,7 +168,7 @@ impl Renderer {
     /// if any.
     fn input(&self, previous: bool) -> Input {
         let (mut bindings, mut attributes) =
-            if previous { self.desc.pose.vertex_input_with_previous() } else { self.desc.pose.vertex_input() };
+            if previous { self.pose.vertex_input_with_previous() } else { self.pose.vertex_input() };
         let own = |attribute: &mut vk::VertexInputAttributeDescription| {
             attribute.location += POSE_LOCATION;
             attribute.binding *= 2;
@@ -191,8 +195,8 @@ impl Renderer {
     /// vertices.
     fn masked_input(&self) -> Input {
         let (mut bindings, mut attributes) = self.input(false);
-        let format = match self.desc.pose.stride() {
-            _ if !self.desc.pose.has_integers() => vk::Format::R32G32_SFLOAT,
+        let format = match self.pose.stride() {
+            _ if !self.pose.has_integers() => vk::Format::R32G32_SFLOAT,
             12 => vk::Format::R16G16_SINT,
             _ => vk::Format::R32G32_SINT,
         };

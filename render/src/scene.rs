@@ -33,13 +33,11 @@ pub struct Light {
     pub yaw: f32,
     /// Degrees upwards, from the camera to the key light.
     pub pitch: f32,
-    /// Brightness of the key light; the other lights scale with it. 1 is usual; 0 leaves the ambient light.
-    pub strength: f32,
 }
 
 impl Default for Light {
     fn default() -> Self {
-        Self { yaw: -38.0, pitch: 34.0, strength: 1.0 }
+        Self { yaw: -38.0, pitch: 34.0 }
     }
 }
 
@@ -140,11 +138,10 @@ impl Scene {
     /// drawn geometry. `texel`: the size of a texel of the shadow map.
     pub(crate) fn head(&self, place: &Mat4, middle: Vec4, texel: f32) -> HeadScene {
         let View { clip, eye, axes, ball: (centre, radius) } = self.view;
-        let Light { yaw, pitch, strength } = self.light;
+        let Light { yaw, pitch } = self.light;
         let back = place.inverse();
         // Lights are far away: they are unit directions, also in the head's space.
-        let towards =
-            |to: Vec3, bright: f32| back.transform_vector3(to).normalize_or(Vec3::Z).extend(bright * strength);
+        let towards = |to: Vec3, bright: f32| back.transform_vector3(to).normalize_or(Vec3::Z).extend(bright);
         let key = direction(axes, yaw, pitch);
         HeadScene {
             clip: clip * place,

@@ -6,7 +6,7 @@ use crate::memory::{Buffer, buffer, image, write};
 use crate::model::Model;
 use crate::passes::{FORMAT, SAMPLES, SHADOW_EDGE, SHADOW_FORMAT};
 use crate::renderer::Renderer;
-use crate::scene::{Head, HeadScene, Scene, Show};
+use crate::scene::{Head, HeadScene, Scene};
 use bytemuck::{bytes_of, cast_slice};
 use deltamorph::ash::vk;
 use deltamorph::internals::gpu::device::Device;
@@ -27,7 +27,7 @@ pub struct Picture {
 }
 
 /// An image to draw into, with the other resources of a frame: samples, depth, a shadow map, data for shaders, and a
-/// buffer for pixels. One is needed for each frame in flight.
+/// buffer for pixels.
 pub struct Target {
     gpu: Arc<Device>,
     pub(crate) extent: vk::Extent2D,
@@ -212,13 +212,12 @@ impl Target {
     /// All heads that are drawn need one.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if `head` is out of range; an error if there is no memory.
+    /// There is no memory.
     ///
     /// # Safety
     /// No commands recorded with the target before are still to run.
     pub(crate) unsafe fn set_glow(&mut self, head: usize, glow: &Glow) -> Result<()> {
         let numbers = glow.pieces();
-        self.check_heads(head + 1)?;
         if self.numbers != numbers.len() {
             let bytes = 4 * numbers.len() * self.heads;
             self.glow = buffer(&self.gpu, bytes, vk::BufferUsageFlags::STORAGE_BUFFER)?;
@@ -233,29 +232,9 @@ impl Target {
         self.numbers
     }
 
-    /// Checks that a glow has been set if it is shown.
-    pub(crate) fn check_glow(&self, model: &Model, show: Show) -> Result<()> {
-        if show != Show::Blocks || self.numbers == model.pieces {
-            return Ok(());
-        }
-        let what = format!("a glow of {} pieces for a mesh of {}", self.numbers, model.pieces);
-        Err(Error::Invalid { what, remedy: "pass a Glow of the mesh to Target::set_glow first".into() })
-    }
-
-    fn check_heads(&self, heads: usize) -> Result<()> {
-        if heads <= self.heads {
-            return Ok(());
-        }
-        Err(Error::Invalid {
-            what: format!("{heads} heads in a target of {}", self.heads),
-            remedy: "make the target for as many".into(),
-        })
-    }
-
     /// Writes the scene for the shaders, and returns whether each head may be visible in the shadow map, and in the
     /// picture. No commands recorded with the target before are still to run.
     pub(crate) fn write(&mut self, scene: &Scene, model: &Model, heads: &[Head]) -> Result<Vec<[bool; 2]>> {
-        self.check_heads(heads.len())?;
         let map = Mat4::from_translation(Vec3::new(-1.0, -1.0, 0.0)) * Mat4::from_scale(Vec3::new(2.0, 2.0, 1.0));
         let of_head = |(i, head): (usize, &Head)| {
             let data = scene.head(&head.place, model.middle, 1.0 / SHADOW_EDGE as f32);

@@ -56,16 +56,11 @@ fn pictures(
     frames: &[Vec<f32>],
     (camera, show): (Camera, Show),
 ) -> Vec<Picture> {
-    let desc = HeadsDesc { frames: 2, threads: 1, ..HeadsDesc::new(update) };
+    let desc = HeadsDesc { threads: 1, ..HeadsDesc::new(update) };
     let mut studio = Studio::new(headless, mesh, packed, &parts(mesh, &[]), SIZE, &desc).expect("a studio");
     let places = [Mat4::IDENTITY];
     let scene = scene(mesh, &places, camera, show);
-    let mut drawn = vec![];
-    for weights in frames {
-        drawn.extend(studio.draw(&[weights], &places, &scene, BLACK).expect("a picture"));
-    }
-    drawn.extend(studio.finish().expect("pictures"));
-    drawn
+    frames.iter().map(|weights| studio.draw(&[weights], &places, &scene, BLACK).expect("a picture")).collect()
 }
 
 /// Returns the mean difference of two pictures' bytes, and the number that differ by more than 8.
@@ -238,10 +233,7 @@ fn culled(
     let draw = |cull| {
         let desc = HeadsDesc { count: places.len() as u32, cull, ..HeadsDesc::new(update) };
         let mut studio = Studio::new(headless, mesh, packed, &parts, SIZE, &desc).expect("a studio");
-        let mut frame = || {
-            studio.draw(weights, places, scene, BLACK).expect("a frame");
-            studio.finish().expect("a picture").remove(0)
-        };
+        let mut frame = || studio.draw(weights, places, scene, BLACK).expect("a frame");
         // The first update writes all blocks.
         frame();
         (frame(), studio.draws())
@@ -318,20 +310,18 @@ fn recomputed_normals_are_drawn_as_their_reference_says() {
             };
             for show in [Show::Shaded, Show::Normals] {
                 let scene = scene(&mesh, &places, Camera { yaw: 20.0, ..Camera::default() }, show);
-                let desc = HeadsDesc { frames: 2, recompute_normals: true, ..HeadsDesc::new(update) };
+                let desc = HeadsDesc { recompute_normals: true, ..HeadsDesc::new(update) };
                 let mut recomputed = Studio::new(headless, &mesh, &packed, &parts, SIZE, &desc).expect("a studio");
                 let mut found = vec![];
                 let mut expected = vec![];
                 for (frame, weights) in frames.iter().enumerate() {
-                    found.extend(recomputed.draw(&[weights], &places, &scene, BLACK).expect("a frame"));
+                    found.push(recomputed.draw(&[weights], &places, &scene, BLACK).expect("a frame"));
                     let given = reference(frame);
                     let base = self::packed(headless, &given, DeltaFormat::Fast);
                     let desc = HeadsDesc::new(UpdateDesc::blocks());
                     let mut given = Studio::new(headless, &given, &base, &parts, SIZE, &desc).expect("a studio");
-                    given.draw(&[&[]], &places, &scene, BLACK).expect("a frame");
-                    expected.extend(given.finish().expect("a picture"));
+                    expected.push(given.draw(&[&[]], &places, &scene, BLACK).expect("a frame"));
                 }
-                found.extend(recomputed.finish().expect("pictures"));
                 for (frame, (found, expected)) in found.iter().zip(&expected).enumerate() {
                     let what = format!("{update:?}, {show:?}, frame {frame}");
                     let (mean, far) = difference(found, expected);
@@ -357,7 +347,7 @@ fn what_cannot_be_drawn_is_refused() {
     let mesh = mesh(&source());
     on_every_device(|headless| {
         let packed = packed(headless, &mesh, DeltaFormat::Fast);
-        let desc = HeadsDesc { frames: 2, ..HeadsDesc::new(UpdateDesc::blocks()) };
+        let desc = HeadsDesc::new(UpdateDesc::blocks());
         let of = |size| Studio::new(headless, &mesh, &packed, &parts(&mesh, &[]), size, &desc);
         let refused = of([0, 8]).err().expect("no pixels").to_string();
         assert!(refused.contains("0 × 8"), "{refused}");
@@ -375,7 +365,6 @@ fn what_cannot_be_drawn_is_refused() {
         assert!(refuse(&[&weights[..3]], &places).contains('3'));
         // A frame can be drawn after all these errors.
         studio.draw(&[weights], &places, &scene, BLACK).expect("a frame");
-        assert_eq!(studio.finish().expect("a picture").len(), 1);
     });
 }
 
@@ -405,15 +394,17 @@ fn still_parts_are_drawn_with_their_surfaces() {
     on_every_device(|headless| {
         for update in [UpdateDesc::blocks(), UpdateDesc { pose: PoseFormat::Fixed32, ..UpdateDesc::blocks() }] {
             let packed = packed(headless, &mesh, DeltaFormat::Fast);
-            let desc = HeadsDesc { cull: true, ..HeadsDesc::new(update) };
-            let mut studio = Studio::new(headless, &mesh, &packed, &parts(&mesh, &[]), SIZE, &desc).expect("a studio");
+            let alone = HeadsDesc { cull: true, ..HeadsDesc::new(update) };
+            let desc = HeadsDesc { still: Some((&still, &parts_of_still)), ..alone };
+            let studio =
+                |desc| Studio::new(headless, &mesh, &packed, &parts(&mesh, &[]), SIZE, desc).expect("a studio");
+            let [mut without, mut studio] = [&alone, &desc].map(studio);
             let shown = [at(0), at(squares.len() - 1) + Vec3::new(1.0, 1.0, 0.0) * edge];
             let view = Camera::default().fit(shown.into_iter(), SIZE[0] as f32 / SIZE[1] as f32, 0.0);
             let draw = |studio: &mut Studio<'_>, show| {
                 let scene = Scene { view, light: Light::default(), show, end: 1.0 };
                 let weights = vec![0.0; mesh.targets.len()];
-                studio.draw(&[&weights], &[Mat4::IDENTITY], &scene, BLACK).expect("a picture");
-                studio.finish().expect("a picture").pop().expect("a picture")
+                studio.draw(&[&weights], &[Mat4::IDENTITY], &scene, BLACK).expect("a picture")
             };
             let pixel = |picture: &Picture, i: usize| {
                 let clip = view.clip.project_point3(at(i) + Vec3::new(0.5, 0.5, 0.0) * edge);
@@ -421,8 +412,7 @@ fn still_parts_are_drawn_with_their_surfaces() {
                     [(clip.x, SIZE[0]), (clip.y, SIZE[1])].map(|(at, size)| ((at + 1.0) / 2.0 * size as f32) as usize);
                 <[u8; 4]>::try_from(&picture.rgba[4 * (y * SIZE[0] as usize + x)..][..4]).expect("a pixel")
             };
-            assert!(draw(&mut studio, Show::Shaded).rgba.chunks_exact(4).all(|p| p[0] == 0), "the head is beside it");
-            studio.set_still(&still, &parts_of_still).expect("still parts");
+            assert!(draw(&mut without, Show::Shaded).rgba.chunks_exact(4).all(|p| p[0] == 0), "the head is beside it");
             let picture = draw(&mut studio, Show::Shaded);
             let [red, green, none, two_sides] = [0, 1, 2, 3].map(|i| pixel(&picture, i));
             assert!(red[0] > 100 && red[1] < 60 && green[1] > 100 && green[0] < 60, "{red:?} {green:?}");

@@ -201,10 +201,6 @@ fn poses_are_those_of_a_device_that_works_between_updates() {
         });
         let least = times.into_iter().fold(f64::INFINITY, f64::min);
         assert!(least < 2.0, "{times:?} ms: the two milliseconds before are not among them");
-        crowd.set_weights(0, &[0.5; 8]).expect("weights");
-        let steps = crowd.step_times().expect("times");
-        assert!(matches!(&steps[..], [("blocks", ms)] if *ms > 0.0), "{steps:?}");
-        gpu::assert_right(&mut crowd, 0, &mesh, &[0.5; 8]);
     });
 }
 
@@ -223,8 +219,7 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
             crowd.update();
             let poses = [0, 1].map(|i| crowd.pose(i).expect("an instance"));
             let poses = poses.each_ref().map(|pose| &**pose);
-            let took = upload.upload(&poses).expect("an upload");
-            assert_eq!(took.bytes_moved, 2 * 4 * mesh.layout().base_bytes());
+            upload.upload(&poses).expect("an upload");
             upload.draw(Draws { copies: 1, passes: 2 }).expect("a draw");
             assert_eq!(upload.read().expect("poses"), poses.concat());
         }

@@ -1,7 +1,7 @@
 //! Options of `bench`.
 
 use super::values::{self, BatchSpec};
-use super::{InputArgs, UpdateArgs, distinct_or};
+use super::{InputArgs, UpdateArgs};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -90,16 +90,6 @@ pub struct BenchArgs {
 }
 
 impl BenchArgs {
-    /// The crowd sizes given, each once, or else `default`.
-    pub fn heads_or(&self, default: &[u32]) -> Vec<u32> {
-        distinct_or(&self.heads, default)
-    }
-
-    /// The numbers of draws given, each once, or else `default`.
-    pub fn draws_or(&self, default: u32) -> Vec<u32> {
-        distinct_or(&self.draws, &[default])
-    }
-
     /// The folder to write, if any.
     pub fn folder(&self) -> Option<&Path> {
         (!self.no_report).then(|| self.report.as_deref().unwrap_or(Path::new("bench-report")))

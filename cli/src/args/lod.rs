@@ -8,8 +8,7 @@ use std::path::PathBuf;
 pub struct LodArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Metric of the difference between the base pose and a target at weight 1. "all" also prints how well the metrics
-    /// agree
+    /// Metric of the difference between the base pose and a target at weight 1
     #[arg(long, value_name = "METRIC", default_value = "mse")]
     pub metric: Metric,
     /// Rank these targets first: full names, or beginnings of names (repeatable)

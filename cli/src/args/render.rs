@@ -31,10 +31,6 @@ pub struct RenderArgs {
     /// Show the whole scene, not only the parts that targets move
     #[arg(long)]
     pub whole: bool,
-    /// Key light: degrees to the right of the camera, degrees up, and optionally strength (default 1)
-    #[arg(long, value_name = "YAW,PITCH[,STRENGTH]", default_value = "-38,34", value_parser = light)]
-    #[arg(allow_hyphen_values = true)]
-    pub light: [f32; 3],
     /// Background colour, or "none" for transparency
     #[arg(long, value_name = "RRGGBB|none", default_value = "23262d", value_parser = background)]
     pub background: Background,
@@ -97,26 +93,15 @@ pub fn size(s: &str) -> Result<[u32; 2], String> {
     Ok([edge(width)?, edge(height)?])
 }
 
-fn degrees(s: &str, most: f32) -> Option<f32> {
-    s.trim().parse::<f32>().ok().filter(|v| v.abs() <= most)
+/// Two numbers with a comma between them, up to these absolute values.
+pub fn pair(s: &str, most: [f32; 2]) -> Option<[f32; 2]> {
+    let (x, y) = s.split_once(',')?;
+    let number = |text: &str, most: f32| text.trim().parse().ok().filter(|v: &f32| v.abs() <= most);
+    Some([number(x, most[0])?, number(y, most[1])?])
 }
 
 pub fn camera(s: &str) -> Result<[f32; 2], String> {
-    let parsed = s.split_once(',').and_then(|(yaw, pitch)| Some([degrees(yaw, 360.0)?, degrees(pitch, 90.0)?]));
-    parsed.ok_or_else(|| "give degrees around (-360 to 360) and up (-90 to 90), as in 30,10".into())
-}
-
-fn light(s: &str) -> Result<[f32; 3], String> {
-    let parts: Vec<&str> = s.split(',').collect();
-    let parsed = match parts[..] {
-        [yaw, pitch] => degrees(yaw, 360.0).zip(degrees(pitch, 90.0)).map(|(yaw, pitch)| [yaw, pitch, 1.0]),
-        [yaw, pitch, strength] => camera(&[yaw, pitch].join(","))
-            .ok()
-            .zip(strength.trim().parse().ok().filter(|v: &f32| (0.0..=10.0).contains(v)))
-            .map(|([yaw, pitch], strength)| [yaw, pitch, strength]),
-        _ => None,
-    };
-    parsed.ok_or_else(|| "give degrees to the right and up, and a strength from 0 to 10 if any, as in -38,34,1".into())
+    pair(s, [360.0, 90.0]).ok_or_else(|| "give degrees around (-360 to 360) and up (-90 to 90), as in 30,10".into())
 }
 
 fn background(s: &str) -> Result<Background, &'static str> {
@@ -143,8 +128,6 @@ mod tests {
         for bad in ["30", "30,91", "361,0", "a,b", "NaN,0", ""] {
             assert!(camera(bad).is_err(), "{bad}");
         }
-        assert_eq!((light("10,20"), light("10,20,0.5")), (Ok([10.0, 20.0, 1.0]), Ok([10.0, 20.0, 0.5])));
-        assert!(light("10").is_err() && light("1,2,3,4").is_err() && light("1,2,-1").is_err());
         assert_eq!(background("#0102ff"), Ok(Background(Some([1, 2, 255]))));
         assert_eq!(background("none"), Ok(Background(None)));
         for bad in ["red", "12345", "1234567", "+12345", "äöü"] {

@@ -52,7 +52,7 @@ fn lists_and_aliases() {
     assert_eq!((args.weights.len(), args.heads.as_slice()), (2, &[1, 16][..]));
     let args = args!(Bench, "bench --suite crowd,clips --time-limit 0.2 --heads 1,3 --paths blocks,compute");
     assert_eq!(args.suites, [SuiteChoice::Crowd, SuiteChoice::Clips]);
-    assert_eq!((args.heads_or(&[7]), args.time_limit(5.0).as_millis()), (vec![1, 3], 200));
+    assert_eq!((&args.heads[..], args.time_limit(5.0).as_millis()), (&[1, 3][..], 200));
     let args = args!(Apply, "apply face --set a=b=0.5,c=-1 --set d=2 -o out.obj");
     assert_eq!(args.set.concat(), [("a=b".into(), 0.5), ("c".into(), -1.0), ("d".into(), 2.0)]);
     for (text, expected) in [

@@ -9,7 +9,7 @@ use super::workload::{Setting, Workload};
 use crate::output::Failure;
 use crate::progress::Progress;
 use crate::runner::{Runner, reaching};
-use deltamorph::{Error, PackedMesh, UpdatePath};
+use deltamorph::{Error, PackedMesh, Repeat, UpdatePath};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -150,7 +150,7 @@ fn begin<'a>(
         (_, Some(gpu)) if config.animated => {
             let each = setting.each();
             let clips = (0..).zip(setting.workloads).map(|(part, own)| own.as_clips(part * each..(part + 1) * each));
-            Runner::animated(gpu, &parts, clips.collect(), each, setting.first().ahead())
+            Runner::animated(gpu, &parts, clips.collect(), each, (setting.first().ahead(), Repeat::Loop))
         }
         ([(mesh, desc)], _) => {
             let shared = running.iter().flatten().find_map(|trial| trial.runner_for(config));

@@ -6,7 +6,7 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::{self, Gpu};
 use deltamorph::DeltaFormat;
-use deltamorph_headless::{DeviceChoice, Headless};
+use deltamorph_headless::DeviceChoice;
 use rayon::prelude::*;
 use std::hint::black_box;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -52,7 +52,7 @@ impl<'a> Machine<'a> {
         Report {
             schema: 1,
             version: env!("CARGO_PKG_VERSION").into(),
-            created: utc(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs())),
+            created: SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs()),
             command: std::env::args_os().skip(1).fold("deltamorph".into(), add),
             device: self.device(),
             input: input.info(),
@@ -72,35 +72,15 @@ impl<'a> Machine<'a> {
         };
         let Some(caps) = self.gpu.as_ref().map(Gpu::caps) else { return cpu };
         let (major, minor, patch) = caps.api_version;
-        let index = Headless::devices().ok().and_then(|all| {
-            let key = (&caps.name, &caps.driver, &caps.driver_info);
-            all.iter().position(|c| (&c.name, &c.driver, &c.driver_info) == key)
-        });
         DeviceInfo {
             name: caps.name.clone(),
             kind: crate::devices::kind(caps),
             driver: caps.driver.clone(),
             driver_info: caps.driver_info.clone(),
             api_version: format!("{major}.{minor}.{patch}"),
-            index,
             ..cpu
         }
     }
-}
-
-/// Seconds since 1970 as a date and time: 2026-01-31T12:00:00Z.
-fn utc(seconds: u64) -> String {
-    // Days since 1 March of the year 0, in eras of 400 years (H. Hinnant's civil_from_days).
-    let days = seconds / 86_400 + 719_468;
-    let day_of_era = days % 146_097;
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era + year_of_era / 100 - 365 * year_of_era - year_of_era / 4;
-    let from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * from_march + 2) / 5 + 1;
-    let month = (from_march + 2) % 12 + 1;
-    let year = days / 146_097 * 400 + year_of_era + u64::from(month <= 2);
-    let [hours, minutes, seconds] = [seconds / 3600 % 24, seconds / 60 % 60, seconds % 60];
-    format!("{year}-{month:02}-{day:02}T{hours:02}:{minutes:02}:{seconds:02}Z")
 }
 
 /// The processor's name, if the system provides it.
@@ -170,14 +150,7 @@ fn sum(words: &[u64]) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{quoted, utc};
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        let dates = [0, 951_782_399, 951_782_400, 4_102_444_799].map(utc);
-        let known = ["1970-01-01T00:00:00Z", "2000-02-28T23:59:59Z", "2000-02-29T00:00:00Z", "2099-12-31T23:59:59Z"];
-        assert_eq!(dates, known);
-    }
+    use super::quoted;
 
     #[test]
     #[cfg(unix)]

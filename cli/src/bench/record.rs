@@ -15,8 +15,8 @@ pub const UNEVEN: f64 = 1.5;
 pub struct Report {
     pub schema: u32,
     pub version: String,
-    /// When it ran, in UTC: 2026-01-31T12:00:00Z.
-    pub created: String,
+    /// When it ran, in seconds since 1970.
+    pub created: u64,
     /// The command line that measures the same again.
     pub command: String,
     pub device: DeviceInfo,
@@ -51,8 +51,6 @@ pub struct DeviceInfo {
     pub driver_info: String,
     /// Vulkan version of the device.
     pub api_version: String,
-    /// Its index in the list of `devices`.
-    pub index: Option<usize>,
     pub cpu: String,
     /// Threads that the cpu path used.
     pub threads: usize,
@@ -137,12 +135,6 @@ pub struct RunRecord {
     pub pose: &'static str,
     /// Changes too small to move a vertex this far were deferred; in input units, 0 if none were.
     pub error_budget: f32,
-    /// Blocks written per frame and instance (block formats).
-    #[serde(serialize_with = "whole")]
-    pub dirty_blocks: f64,
-    /// Those of them that were rebuilt from the base pose.
-    #[serde(serialize_with = "whole")]
-    pub rebuilt_blocks: f64,
     pub format: &'static str,
     /// Pose buffers per instance.
     pub slots: u32,
@@ -167,9 +159,10 @@ pub struct RunRecord {
     /// Time to upload poses from main memory to the device, waited for: the path `cpu`, if it is drawn. Not part of any
     /// other time.
     pub upload_ms: Option<Stats>,
-    /// The timed frames in rounds, which alternated with those of the other configurations of its group.
+    /// Medians of the timed frames in rounds, which alternated with those of the other configurations of its group: of
+    /// the time that [`time`](Self::time) returns.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub rounds: Vec<Round>,
+    pub rounds: Vec<f64>,
     /// Time of a slow round over that of a fast one; see [`Self::uneven`].
     pub rounds_ratio: Option<f64>,
     /// The time to move the fewest possible bytes at the best measured bandwidth: the median of frames. `None` for
@@ -183,8 +176,6 @@ pub struct RunRecord {
     pub max_error_rel: Option<f64>,
     /// Largest angle between normals, in degrees.
     pub normal_error_deg: Option<f64>,
-    /// Largest position error against the raw files, dropped deltas included, as a fraction of the diagonal.
-    pub raw_error_rel: Option<f64>,
     /// Whether the result stayed within the path's bound, before and after timing.
     pub verified: bool,
     /// The errors found if `verified` is false.
@@ -196,7 +187,7 @@ impl RunRecord {
     /// Time of a slow round over that of a fast one, if there are five or more: without the slowest and the fastest,
     /// since one of them does not move the median.
     pub fn spread(&self) -> Option<f64> {
-        let mut times: Vec<f64> = self.rounds.iter().map(|round| round.ms).collect();
+        let mut times = self.rounds.clone();
         times.sort_unstable_by(f64::total_cmp);
         let [_, fast, .., slow, _] = times[..] else { return None };
         (times.len() > 4 && fast > 0.0).then_some(slow / fast)
@@ -246,15 +237,6 @@ pub fn heads_words(heads: u32, shared: bool) -> String {
 /// What a cell's name says of its draws: nothing of one.
 pub fn draws_words(draws: u32) -> String {
     if draws > 1 { format!(", {draws} draws") } else { String::new() }
-}
-
-/// Medians of a few consecutive frames, in ms.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Round {
-    /// The time that [`RunRecord::time`] returns.
-    pub ms: f64,
-    /// The update alone.
-    pub update_ms: f64,
 }
 
 /// Counts are whole numbers in JSON, means have decimals.

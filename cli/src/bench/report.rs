@@ -41,7 +41,7 @@ const COLUMNS: &str = "suite cell technique mesh targets path mode format accumu
     update_and_draw_ms_median update_and_draw_ms_mean update_and_draw_ms_stderr update_and_draw_ms_min \
     update_and_draw_ms_max update_and_draw_ms_n \
     upload_ms_median upload_ms_mean upload_ms_stderr upload_ms_min upload_ms_max upload_ms_n \
-    max_error max_error_rel normal_error_deg raw_error_rel verified problem rounds_ratio pose";
+    max_error max_error_rel normal_error_deg verified problem rounds_ratio pose";
 
 fn csv(runs: &[RunRecord]) -> Result<Vec<u8>, Failure> {
     let mut out = csv::Writer::from_writer(Vec::new());

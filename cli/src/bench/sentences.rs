@@ -46,7 +46,7 @@ fn ratio(a: &RunRecord, b: &RunRecord) -> Option<f64> {
     if a.alone || b.alone || a.rounds.is_empty() || b.rounds.is_empty() {
         return Some(a.median() / b.median());
     }
-    let ratios: Vec<f64> = a.rounds.iter().zip(&b.rounds).map(|(a, b)| a.ms / b.ms).collect();
+    let ratios: Vec<f64> = a.rounds.iter().zip(&b.rounds).map(|(a, b)| a / b).collect();
     Stats::of(&ratios).map(|ratios| ratios.median)
 }
 

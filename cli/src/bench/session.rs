@@ -24,8 +24,6 @@ pub struct Session<'a> {
     begun: usize,
     /// How long a configuration is timed.
     limit: Duration,
-    /// Whether INPUT is a packed file, which lacks the original deltas.
-    was_packed: bool,
     report: Report,
 }
 
@@ -40,8 +38,7 @@ impl<'a> Session<'a> {
     ) -> Result<Self, Failure> {
         let machine = Machine::open(args, device, input, out)?;
         let (report, limit) = (machine.report(input), args.time_limit(seconds));
-        let was_packed = input.packed.is_some();
-        Ok(Self { args, machine, out, planned: 0, begun: 0, limit, was_packed, report })
+        Ok(Self { args, machine, out, planned: 0, begun: 0, limit, report })
     }
 
     /// Begins a suite.
@@ -53,7 +50,7 @@ impl<'a> Session<'a> {
 
     /// The meshes of a scene, at least one; adds them to the report.
     pub fn scene(&mut self, inputs: Vec<Input>) -> Subject {
-        let subject = Subject::new(inputs, self.was_packed);
+        let subject = Subject::new(inputs);
         let meshes = &mut self.report.meshes;
         for mesh in std::iter::once(subject.info()).chain(subject.infos()) {
             if meshes.iter().all(|known| known.name != mesh.name) {

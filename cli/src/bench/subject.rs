@@ -4,7 +4,7 @@ use super::machine::Machine;
 use crate::input::{Input, MeshInfo};
 use crate::output::Failure;
 use crate::runner::{Gpu, packed};
-use deltamorph::reference::{evaluate, evaluate_unpacked};
+use deltamorph::reference::evaluate;
 use deltamorph::{DeltaFormat, PackedMesh};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -13,30 +13,22 @@ use std::sync::Arc;
 /// The meshes of a scene, at least one, which are updated together.
 pub struct Subject {
     parts: Vec<Part>,
-    /// Whether they come from a packed file, which lacks the original deltas.
-    pub was_packed: bool,
 }
 
 struct Part {
     input: Input,
     meshes: HashMap<DeltaFormat, Arc<PackedMesh>>,
-    /// By format and the bits of the weights.
-    references: HashMap<(DeltaFormat, Vec<u32>), Reference>,
-}
-
-/// The float64 references of a pose: on the packed deltas, and on the raw files.
-pub struct Reference {
-    pub packed: Vec<f64>,
-    pub raw: Vec<f64>,
+    /// Of poses on the packed deltas, by format and the bits of the weights.
+    references: HashMap<(DeltaFormat, Vec<u32>), Vec<f64>>,
 }
 
 /// Enough for one workload at its checkpoints in every format.
 const REFERENCES_MAX: usize = 64;
 
 impl Subject {
-    pub fn new(inputs: Vec<Input>, was_packed: bool) -> Self {
+    pub fn new(inputs: Vec<Input>) -> Self {
         let part = |input| Part { input, meshes: HashMap::new(), references: HashMap::new() };
-        Self { parts: inputs.into_iter().map(part).collect(), was_packed }
+        Self { parts: inputs.into_iter().map(part).collect() }
     }
 
     /// What reports say of each mesh.
@@ -71,14 +63,13 @@ impl Subject {
         self.parts.iter_mut().map(mesh).collect()
     }
 
-    /// The references of the pose of `mesh`, number `part` of [`meshes`](Self::meshes), at `weights`.
-    pub fn reference(&mut self, part: usize, mesh: &PackedMesh, weights: &[f32]) -> &Reference {
-        let Part { input, references, .. } = &mut self.parts[part];
+    /// The reference of the pose of `mesh`, number `part` of [`meshes`](Self::meshes), at `weights`.
+    pub fn reference(&mut self, part: usize, mesh: &PackedMesh, weights: &[f32]) -> &[f64] {
+        let references = &mut self.parts[part].references;
         let key = (mesh.layout().format, weights.iter().map(|w| w.to_bits()).collect());
         if references.len() >= REFERENCES_MAX && !references.contains_key(&key) {
             references.clear();
         }
-        let make = || Reference { packed: evaluate(mesh, weights), raw: evaluate_unpacked(&input.raw, weights) };
-        references.entry(key).or_insert_with(make)
+        references.entry(key).or_insert_with(|| evaluate(mesh, weights))
     }
 }

@@ -28,7 +28,7 @@ const SECONDS: f32 = 0.4;
 const POSES: [PoseFormat; 2] = [PoseFormat::Float32, PoseFormat::Fixed32];
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
-    let input = input::load(&args.input, true, out)?;
+    let input = input::load(&args.input, false, out)?;
     let targets = input.kept.targets.len();
     let main = [Some(FEW.min(targets)), None];
     let changed = if args.full || !args.changed.is_empty() { &args.changed[..] } else { &main };
@@ -38,7 +38,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let poses = distinct_or(&args.update.poses, if args.full { &POSES } else { &POSES[..1] });
     let mut configs = |sizes| {
         session.configurations(&Wanted {
-            paths: &args.update.paths_or(&PATHS),
+            paths: &distinct_or(&args.update.paths, &PATHS),
             poses: &poses,
             modes: &args.update.modes,
             sizes: if args.batch_sizes.is_empty() { sizes } else { &args.batch_sizes },
@@ -53,8 +53,8 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     // If a path evaluates in draws, all configurations draw.
     let drawn = most.iter().any(|config| config.desc.path.evaluates_in_draws());
     let mut settings = vec![];
-    for heads in args.heads_or(&[1]) {
-        for passes in args.draws_or(drawn.into()) {
+    for heads in distinct_or(&args.heads, &[1]) {
+        for passes in distinct_or(&args.draws, &[drawn.into()]) {
             let setting = |workloads| Setting { workloads, heads, shared: args.shared, passes, brief: false };
             settings.extend(workloads.chunks(1).map(setting));
         }
@@ -83,7 +83,7 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
     let paths = if args.weights.is_empty() { of_input } else { &args.weights };
     let mut clips: Vec<BoundClip> = vec![];
     for path in paths {
-        let mut clip = input::clip(path, &args.input, input, &[])?;
+        let mut clip = input.clip(path, &[])?;
         // Reports tell workloads apart by name.
         let taken = |name: &str| name == "random" || clips.iter().any(|c| c.name == name);
         let numbered = (2u32..).map(|n| format!("{} {n}", clip.name));

@@ -2,13 +2,12 @@
 
 use super::configs::Config;
 use super::machine::Machine;
-use super::record::{Round, RunRecord};
+use super::record::RunRecord;
 use super::stats::Stats;
 use super::subject::Subject;
 use super::workload::Setting;
 use crate::runner::{Frame, Runner, accumulate};
 use crate::verify::{Found, Promise};
-use deltamorph::reference::compare;
 use deltamorph::{PackedMesh, Result, UpdateDesc, UpdateStats};
 use deltamorph_headless::Draws;
 use std::sync::Arc;
@@ -138,7 +137,8 @@ impl<'a> Trial<'a> {
         let begun = Instant::now();
         let (timed, _) = self.run(frames, limit)?;
         self.spent += begun.elapsed();
-        self.record.rounds.extend(summary(&timed));
+        let time = |frame: &Frame| both(frame).or(frame.gpu_ms).or(Some(frame.cpu_ms));
+        self.record.rounds.extend(times(&timed, time).map(|time| time.median));
         self.timed.extend(timed);
         Ok(())
     }
@@ -177,12 +177,10 @@ impl<'a> Trial<'a> {
             for head in if first == last { vec![first] } else { vec![first, last] } {
                 let pose = self.runner.pose(head, 0)?;
                 let weights = promise.applied(&all[head as usize]);
-                let reference = subject.reference(part, mesh, &weights);
-                let found = promise.find(&pose, &reference.packed, &weights);
-                let raw = compare(&pose, &reference.raw);
+                let found = promise.find(&pose, subject.reference(part, mesh, &weights), &weights);
                 // If the device plans, the number of active targets in each block is unknown.
                 let bound = if self.config.animated { promise.rounding(&weights)[0] } else { 0.0 };
-                self.found = self.found.max(Found { raw, bound, additions: self.additions, ..found });
+                self.found = self.found.max(Found { bound, additions: self.additions, ..found });
             }
         }
         Ok(())
@@ -202,7 +200,6 @@ impl<'a> Trial<'a> {
         record.max_error = Some(found.error.position);
         record.max_error_rel = Some(found.error.position / diagonal);
         record.normal_error_deg = Some(found.error.normal_degrees);
-        record.raw_error_rel = (!subject.was_packed).then_some(found.raw.position / diagonal);
         record.verified = self.promise.kept(found);
         record.rounds_ratio = record.spread().filter(|_| record.verified);
         if !record.verified {
@@ -229,8 +226,6 @@ impl<'a> Trial<'a> {
         record.passes = per_head(sum.passes);
         record.bytes_moved = mean(sum.bytes_moved as f64);
         record.bytes_floor = mean(sum.bytes_floor as f64);
-        record.dirty_blocks = per_head(sum.dirty_blocks);
-        record.rebuilt_blocks = per_head(sum.rebuilt_blocks);
         record.gpu_ms = times(timed, |frame| frame.gpu_ms);
         record.cpu_ms = times(timed, |frame| Some(frame.cpu_ms));
         record.update_and_draw_ms = times(timed, both);
@@ -257,13 +252,6 @@ impl<'a> Trial<'a> {
         record.floor_fraction = record.floor_ms.zip(update).map(|(floor, update)| floor / update);
         Ok(())
     }
-}
-
-/// Medians of consecutive frames.
-fn summary(timed: &[Timed]) -> Option<Round> {
-    let update = |frame: &Frame| frame.gpu_ms.or(Some(frame.cpu_ms));
-    let medians = times(timed, |frame| both(frame).or(update(frame))).zip(times(timed, update));
-    medians.map(|(a, b)| Round { ms: a.median, update_ms: b.median })
 }
 
 /// Time of update and draws, on the device.

@@ -1,6 +1,7 @@
 //! Weights while a configuration is verified and timed: random changes or a captured clip, on any number of instances.
 
 use deltamorph::{BoundClip, WeightClip};
+use deltamorph_head::Rng;
 use deltamorph_headless::Draws;
 use std::ops::Range;
 
@@ -35,31 +36,30 @@ impl Workload {
     /// A cycle of frames: each gives `changed` targets, drawn from `seed`, a new weight in (0, 1]; the others keep
     /// theirs. This includes the first frame, which follows the last.
     pub fn random(targets: usize, changed: usize, seed: u64) -> Self {
-        let mut pick = seed.rotate_left(17) ^ 0xD1B5_4A32_D192_ED03;
+        let mut pick = Rng::new(seed, 0);
         let mut order: Vec<usize> = (0..targets).collect();
         let mut draw = |_| {
             for i in 0..changed.min(targets) {
-                order.swap(i, i + (next(&mut pick) % (targets - i) as u64) as usize);
+                order.swap(i, i + pick.below(targets - i));
             }
             order[..changed.min(targets)].to_vec()
         };
         // Each set comes twice: a target that changed once per round would return to its own weight.
         let sets: Vec<Vec<usize>> = (0..RANDOM_FRAMES / 2).map(&mut draw).collect();
         // No two frames share a weight: a new one is always a change.
-        let weight = |state: &mut u64, frame: usize| {
-            ((next(state) % 8192) as usize * RANDOM_FRAMES + frame + 1) as f32 / (8192 * RANDOM_FRAMES) as f32
+        let weight = |rng: &mut Rng, frame: usize| {
+            (rng.below(8192) * RANDOM_FRAMES + frame + 1) as f32 / (8192 * RANDOM_FRAMES) as f32
         };
-        let seed = seed ^ 0x9E37_79B9_7F4A_7C15;
-        let mut state = seed.rotate_left(32);
-        let mut now: Vec<f32> = (0..targets).map(|_| weight(&mut state, 0)).collect();
+        let mut rng = Rng::new(seed, 1);
+        let mut now: Vec<f32> = (0..targets).map(|_| weight(&mut rng, 0)).collect();
         // The first round determines the weights that the second one starts and ends with.
         let mut frames = vec![];
         for _ in 0..2 {
             frames.clear();
-            let mut state = seed;
+            let mut rng = Rng::new(seed, 2);
             for frame in 0..RANDOM_FRAMES {
                 for &target in &sets[frame % sets.len()] {
-                    now[target] = weight(&mut state, frame);
+                    now[target] = weight(&mut rng, frame);
                 }
                 frames.push(now.clone());
             }
@@ -72,15 +72,15 @@ impl Workload {
     /// others have a weight in (0, 1] that never changes; the rest are 0.
     pub fn few(targets: usize, active: usize, held: usize, seed: u64) -> Self {
         let active = active.min(targets);
-        let mut state = seed ^ 0xA076_1D64_78BD_642F;
-        let first = next(&mut state) as usize % targets.max(1);
+        let mut rng = Rng::new(seed, 3);
+        let first = rng.below(targets.max(1));
         let (name, moving) = ("few".into(), Self::random(active, active, seed));
         // Spread over the face: targets next to each other in the list move neighbouring vertices.
         let places: Vec<usize> = (0..active).map(|i| (first + i * targets / active) % targets).collect();
         let free: Vec<usize> = (0..targets).filter(|target| !places.contains(target)).collect();
         let held = held.min(free.len());
         let mut still = vec![0.0; targets];
-        (0..held).for_each(|i| still[free[i * free.len() / held]] = (next(&mut state) % 8192 + 1) as f32 / 8192.0);
+        (0..held).for_each(|i| still[free[i * free.len() / held]] = (rng.below(8192) + 1) as f32 / 8192.0);
         let all = |frame: &Vec<f32>| {
             let mut all = still.clone();
             places.iter().zip(frame).for_each(|(&place, weight)| all[place] = *weight);
@@ -135,13 +135,6 @@ impl Workload {
     pub fn period(&self) -> usize {
         self.frames.len()
     }
-}
-
-/// PCG-like generator: the same numbers on every machine.
-fn next(state: &mut u64) -> u64 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    let x = *state ^ (*state >> 33);
-    x.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 20
 }
 
 /// The conditions of a measurement, except the configuration.

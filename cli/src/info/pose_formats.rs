@@ -1,6 +1,5 @@
 //! Costs and errors of pose formats on a packed mesh, in `info` and `pack`.
 
-use crate::args::InputArgs;
 use crate::input::{self, Input};
 use crate::runner::reaching;
 use crate::table::{Column, Table, sig3};
@@ -36,17 +35,12 @@ pub struct Grid {
     pub weight_bits: u32,
     /// The largest absolute weight.
     pub weight_max: f32,
-    /// The largest unit of fixed-point positions along an axis, in input units and as a fraction of the diagonal.
-    pub position_unit: f32,
+    /// The largest unit of fixed-point positions along an axis, as a fraction of the diagonal.
     pub position_unit_rel: f64,
     /// Unit of fixed-point normals.
     pub normal_unit: f32,
     /// Most targets that move a vertex.
     pub targets_most: usize,
-    /// Largest distance that rounding moves a vertex if all of them are active, in input units and as a fraction of the
-    /// diagonal.
-    pub rounding_error: f32,
-    pub rounding_error_rel: f64,
 }
 
 /// Poses that are measured.
@@ -64,8 +58,8 @@ pub struct Sample<'a> {
 
 impl<'a> Sample<'a> {
     /// Frames of the clips of `input`, or a pose of random weights from 0 to 1.
-    pub fn new(input: &'a Input, args: &InputArgs, weight_max: Option<f32>) -> Self {
-        let clips = input.clips.iter().filter_map(|path| input.unless_bad(input::clip(path, args, input, &[])));
+    pub fn new(input: &'a Input, weight_max: Option<f32>) -> Self {
+        let clips = input.clips.iter().filter_map(|path| input.unless_bad(input.clip(path, &[])));
         let clips: Vec<BoundClip> = clips.collect();
         let mut weights = input::spread(&clips);
         let what = match weights.len() {
@@ -73,7 +67,7 @@ impl<'a> Sample<'a> {
             count => format!("in {count} frames of the clips"),
         };
         if weights.is_empty() {
-            let mut rng = Rng::new(args.seed, 0);
+            let mut rng = Rng::new(input.args.seed, 0);
             weights.push(input.raw.targets.iter().map(|_| rng.range(0.0, 1.0)).collect());
         }
         let pose = |weights: Vec<f32>| {
@@ -140,7 +134,6 @@ pub fn pose_costs(packed: &Arc<PackedMesh>, held: bool, sample: &Sample<'_>) -> 
     let vertices = moved(packed, (!held).then_some(&*sample.input.raw));
     let targets_most = vertices.iter().map(|moved| moved.targets).max().unwrap_or(0);
     let scale = scale(layout.diagonal);
-    let relative = |length: f32| f64::from(length) / scale;
     let cost = |format: PoseFormat| {
         let desc = UpdateDesc {
             pose: format,
@@ -166,12 +159,9 @@ pub fn pose_costs(packed: &Arc<PackedMesh>, held: bool, sample: &Sample<'_>) -> 
         let grid = grid.map(|grid| Grid {
             weight_bits: grid.weight_bits,
             weight_max: grid.weight_max,
-            position_unit: grid.units[0],
-            position_unit_rel: relative(grid.units[0]),
+            position_unit_rel: f64::from(grid.units[0]) / scale,
             normal_unit: grid.units[3],
             targets_most,
-            rounding_error: grid.position_error(targets_most),
-            rounding_error_rel: relative(grid.position_error(targets_most)),
         });
         let most = refused.is_none().then_some(errors);
         let measured_error_rel = sample.farthest(packed, desc).ok().map(|length| length / scale);

@@ -2,13 +2,13 @@
 
 use super::Point;
 use super::geometry::{Loss, hausdorff, tree};
-use super::order::Order;
 use super::shots::Shots;
 use crate::args::lod::Metric;
 use crate::input::Input;
 use crate::output::Failure;
+use crate::verify::scale;
 use deltamorph::BoundClip;
-use deltamorph::lod::{is_pinned, mean_square};
+use deltamorph::lod::mean_square;
 use deltamorph_head::Rng;
 use rayon::prelude::*;
 
@@ -19,6 +19,7 @@ const DRAWN: usize = 32;
 pub struct Gauge<'a> {
     input: &'a Input,
     vertices: Loss,
+    /// For metrics of pictures.
     shots: Option<Shots<'a>>,
     /// Random orders of targets, pins first, for comparison.
     random: Vec<Vec<usize>>,
@@ -31,69 +32,55 @@ impl<'a> Gauge<'a> {
         shots: Option<Shots<'a>>,
         random: usize,
         seed: u64,
-        pins: &[String],
+        pinned: &[bool],
     ) -> Self {
-        let mesh = &input.kept;
         let shuffled = |stream: usize| {
             let mut rng = Rng::new(seed, stream as u64);
-            let mut order: Vec<usize> = (0..mesh.targets.len()).collect();
+            let mut order: Vec<usize> = (0..pinned.len()).collect();
             (1..order.len()).rev().for_each(|i| order.swap(i, rng.below(i + 1)));
-            order.sort_by_key(|t| !is_pinned(&mesh.targets[*t].name, pins));
+            order.sort_by_key(|t| !pinned[*t]);
             order
         };
-        Self { input, vertices: Loss::new(mesh, clips), shots, random: (0..random).map(shuffled).collect() }
+        Self { input, vertices: Loss::new(&input.kept, clips), shots, random: (0..random).map(shuffled).collect() }
     }
 
-    /// A list of scores for each metric, with a number for each target.
-    pub fn scores(&mut self, metrics: &[Metric]) -> Result<Vec<Vec<f64>>, Failure> {
+    /// A number for each target.
+    pub fn scores(&mut self, metric: Metric) -> Result<Vec<f64>, Failure> {
         let mesh = &self.input.kept;
-        let base = tree(&mesh.positions);
-        let of_pictures: Vec<Metric> = metrics.iter().copied().filter(|m| m.is_of_pictures()).collect();
-        let mut drawn = match &mut self.shots {
-            Some(shots) => shots.scores(&of_pictures, mesh.targets.len())?,
-            None => vec![],
+        if let Some(shots) = self.shots.as_mut().filter(|_| metric.is_of_pictures()) {
+            return shots.scores(metric, mesh.targets.len());
         }
-        .into_iter();
-        let list = |metric: &Metric| match metric {
-            Metric::Mse => mesh.targets.iter().map(|t| mean_square(mesh, t)).collect(),
-            Metric::Hausdorff => mesh.targets.par_iter().map(|t| hausdorff(mesh, &base, t)).collect(),
-            _ => drawn.next().unwrap_or_default(),
-        };
-        Ok(metrics.iter().map(list).collect())
+        if metric == Metric::Mse {
+            return Ok(mesh.targets.iter().map(|t| mean_square(mesh, t)).collect());
+        }
+        let base = tree(&mesh.positions);
+        Ok(mesh.targets.par_iter().map(|t| hausdorff(mesh, &base, t)).collect())
     }
 
-    /// A curve for each of `metrics`, along its order in `orders`.
-    pub fn curves(&mut self, metrics: &[Metric], orders: &[Order]) -> Result<Vec<Vec<Point>>, Failure> {
-        let targets = &self.input.kept.targets;
-        let scale = 1.0 / crate::verify::scale(self.input.kept.diagonal);
-        let mut kept: Vec<usize> = (1..=4).map(|quarter| (targets.len() * quarter).div_ceil(4)).collect();
-        kept.dedup();
-        let of_pictures: Vec<Metric> = metrics.iter().copied().filter(|m| m.is_of_pictures()).collect();
-        let mut curves = vec![vec![]; metrics.len()];
-        for kept in kept {
+    /// The errors along an order of the targets.
+    pub fn curve(&mut self, metric: Metric, order: &[usize]) -> Result<Vec<Point>, Failure> {
+        let scale = scale(self.input.kept.diagonal);
+        let mut counts: Vec<usize> = (1..=4).map(|quarter| (order.len() * quarter).div_ceil(4)).collect();
+        counts.dedup();
+        let mut curve = vec![];
+        for kept in counts {
+            let keeps = first(order, kept);
             let random: Vec<Vec<bool>> = self.random.iter().map(|order| first(order, kept)).collect();
-            let vertex_random =
-                random.iter().map(|keeps| self.vertices.of(keeps)).sum::<f64>() * scale / random.len() as f64;
-            let mut drawn_random = vec![0.0; of_pictures.len()];
-            if let Some(shots) = &mut self.shots {
-                let count = random.len().min(DRAWN);
-                for (number, keeps) in random.iter().take(count).enumerate() {
-                    let losses = shots.loss(&of_pictures, keeps, Some(number))?;
-                    drawn_random.iter_mut().zip(losses).for_each(|(sum, loss)| *sum += loss / count as f64);
+            let of_vertices = |keeps: &Vec<bool>| self.vertices.of(keeps) / scale;
+            let vertex_rel = of_vertices(&keeps);
+            let (error_rel, of_random): (f64, Vec<f64>) = match &mut self.shots {
+                Some(shots) if metric.is_of_pictures() => {
+                    let drawn = random.iter().take(DRAWN).enumerate();
+                    let losses = drawn.map(|(number, keeps)| shots.loss(metric, keeps, Some(number)));
+                    let losses = losses.collect::<Result<_, _>>()?;
+                    (shots.loss(metric, &keeps, None)?, losses)
                 }
-            }
-            for ((metric, order), curve) in metrics.iter().zip(orders).zip(&mut curves) {
-                let keeps = first(&order.targets, kept);
-                let vertex_rel = self.vertices.of(&keeps) * scale;
-                let (error_rel, error_random_rel) =
-                    match (&mut self.shots, of_pictures.iter().position(|m| m == metric)) {
-                        (Some(shots), Some(i)) => (shots.loss(&[*metric], &keeps, None)?[0], drawn_random[i]),
-                        _ => (vertex_rel, vertex_random),
-                    };
-                curve.push(Point { kept, error_rel, error_random_rel, vertex_rel });
-            }
+                _ => (vertex_rel, random.iter().map(of_vertices).collect()),
+            };
+            let error_random_rel = of_random.iter().sum::<f64>() / of_random.len() as f64;
+            curve.push(Point { kept, error_rel, error_random_rel, vertex_rel });
         }
-        Ok(curves)
+        Ok(curve)
     }
 }
 

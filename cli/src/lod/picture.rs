@@ -1,24 +1,19 @@
 //! Metrics of `lod` that compare pictures.
 
-/// Pixels in sRGB, three bytes each.
-#[derive(Clone)]
-pub struct Pixels {
-    pub size: [u32; 2],
-    pub rgb: Vec<u8>,
-}
+use deltamorph_render::Picture;
 
-/// Mean squared difference of sRGB values, from 0 to 1.
-pub fn mean_square(a: &Pixels, b: &Pixels) -> f64 {
-    let squares = a.rgb.iter().zip(&b.rgb).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
-    squares.sum::<f64>() / (a.rgb.len().max(1) as f64 * 255.0 * 255.0)
+/// Mean squared difference of sRGB values, from 0 to 1, of opaque pictures.
+pub fn mean_square(a: &Picture, b: &Picture) -> f64 {
+    let squares = a.rgba.iter().zip(&b.rgba).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+    squares.sum::<f64>() / ((a.rgba.len() / 4 * 3).max(1) as f64 * 255.0 * 255.0)
 }
 
 /// Mean structural similarity of luma, at most 1 (Wang et al. 2004: Gaussian window of 11 × 11 pixels, σ = 1.5, K =
 /// 0.01 and 0.03). Windows are cut off at the edges of the picture.
-pub fn ssim(a: &Pixels, b: &Pixels) -> f64 {
-    let luma = |p: &Pixels| -> Vec<f64> {
+pub fn ssim(a: &Picture, b: &Picture) -> f64 {
+    let luma = |p: &Picture| -> Vec<f64> {
         let of = |c: &[u8]| 0.299 * f64::from(c[0]) + 0.587 * f64::from(c[1]) + 0.114 * f64::from(c[2]);
-        p.rgb.chunks_exact(3).map(of).collect()
+        p.rgba.chunks_exact(4).map(of).collect()
     };
     let x = luma(a);
     let y = luma(b);

@@ -1,11 +1,11 @@
 use super::geometry::{Loss, hausdorff, tree};
-use super::order::{Order, kendall, spearman};
-use super::picture::{Pixels, mean_square as picture_mse, ssim};
+use super::picture::{mean_square as picture_mse, ssim};
 use super::yee::yee;
 use deltamorph::lod::mean_square;
 use deltamorph::reference::evaluate_unpacked;
 use deltamorph::{KeptMesh, Tolerance, WeightClip};
 use deltamorph_head::{HeadDesc, head};
+use deltamorph_render::Picture;
 use glam::Vec3;
 
 /// A small head; its first target moves every vertex by `shift`, its second one twice as far.
@@ -49,11 +49,6 @@ fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
         let exact = f64::from(gap * 0.2) * times;
         assert!((found - exact).abs() <= 1e-2 * exact, "{found} {exact}");
     }
-    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-    let order = Order::new("mse", &names[..2], &scores[..2], &[]);
-    assert_eq!(order.ranking[0].name, names[1]);
-    let pinned = Order::new("mse", &names[..2], &scores[..2], &[names[0].to_owned()]);
-    assert_eq!((pinned.ranking[0].name.as_str(), pinned.ranking[0].pinned), (names[0], true));
 }
 
 #[test]
@@ -87,28 +82,17 @@ fn equal_pictures_are_equal_to_every_metric_and_known_differences_are_found() {
     let size = [32, 24];
     let noise = |seed: u64| {
         let mut rng = deltamorph_head::Rng::new(seed, 0);
-        Pixels { size, rgb: (0..32 * 24 * 3).map(|_| rng.below(256) as u8).collect() }
+        let mut pixel = || [rng.below(256) as u8, rng.below(256) as u8, rng.below(256) as u8, 255];
+        Picture { size, rgba: (0..32 * 24).flat_map(|_| pixel()).collect() }
     };
     let a = noise(1);
     let b = noise(2);
     assert!((ssim(&a, &a) - 1.0).abs() < 1e-12 && picture_mse(&a, &a) == 0.0 && yee(&a, &a).graded() == 0.0);
     assert!(ssim(&a, &b) < 0.2 && picture_mse(&a, &b) > 0.1 && yee(&a, &b).graded() > 0.1);
     // For constant pictures, only the luminance term remains: (2 x y + c) / (x² + y² + c).
-    let flat = |v: u8| Pixels { size, rgb: vec![v; 32 * 24 * 3] };
+    let flat = |v: u8| Picture { size, rgba: [v, v, v, 255].repeat(32 * 24) };
     let c = (0.01f64 * 255.0).powi(2);
     let exact = (2.0 * 50.0 * 200.0 + c) / (50.0f64.powi(2) + 200.0f64.powi(2) + c);
     assert!((ssim(&flat(50), &flat(200)) - exact).abs() < 1e-9);
     assert!((picture_mse(&flat(0), &flat(51)) - 0.04).abs() < 1e-12);
-}
-
-#[test]
-fn orders_agree_as_far_as_they_do() {
-    let up = [1.0, 2.0, 3.0, 4.0];
-    let down = [4.0, 3.0, 2.0, 1.0];
-    assert_eq!((kendall(&up, &up), spearman(&up, &up)), (1.0, 1.0));
-    assert_eq!((kendall(&up, &down), spearman(&up, &down)), (-1.0, -1.0));
-    assert_eq!((kendall(&up, &[7.0; 4]), spearman(&up, &[7.0; 4])), (0.0, 0.0));
-    // One of six pairs is swapped: (5 - 1) / 6; 1 - 6 · 2 / (4 · 15).
-    let swapped = [2.0, 1.0, 3.0, 4.0];
-    assert!((kendall(&up, &swapped) - 4.0 / 6.0).abs() < 1e-12 && (spearman(&up, &swapped) - 0.8).abs() < 1e-12);
 }

@@ -6,7 +6,8 @@
 //! the masking by contrast in its neighbourhood, or if its colours do. Contrast is evaluated in bands of an octave
 //! each; the eye's sensitivity depends on the band (CSF), and a band masks differences in itself.
 
-use super::picture::{Pixels, blurred};
+use super::picture::blurred;
+use deltamorph_render::Picture;
 
 /// Resolution of pictures on a screen of 0.7 m across and 3,840 pixels that is seen from 0.7 m.
 const PIXELS_PER_DEGREE: f64 = 67.0;
@@ -40,7 +41,7 @@ impl Seen {
 }
 
 /// Compares two pictures of one size.
-pub fn yee(a: &Pixels, b: &Pixels) -> Seen {
+pub fn yee(a: &Picture, b: &Picture) -> Seen {
     let [from, to] = [a, b].map(Layers::new);
     // Cycles per degree of each band; the finest has two pixels per cycle.
     let frequencies: [f64; BANDS] = std::array::from_fn(|i| 0.5 * PIXELS_PER_DEGREE / f64::from(1u32 << i));
@@ -115,7 +116,7 @@ struct Layers {
 }
 
 impl Layers {
-    fn new(picture: &Pixels) -> Self {
+    fn new(picture: &Picture) -> Self {
         let linear: [f64; 256] = std::array::from_fn(|v| {
             let v = v as f64 / 255.0;
             if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
@@ -131,8 +132,8 @@ impl Layers {
         };
         let root = |v: f64| if v > 0.008856 { v.cbrt() } else { 7.787 * v + 16.0 / 116.0 };
         let colour = |[x, y, z]: [f64; 3]| [500.0 * (root(x) - root(y)), 200.0 * (root(y) - root(z))];
-        let colours = picture.rgb.chunks_exact(3).map(|c| colour(xyz(c))).collect();
-        let mut level: Vec<f64> = picture.rgb.chunks_exact(3).map(|c| xyz(c)[1] * WHITE).collect();
+        let colours = picture.rgba.chunks_exact(4).map(|c| colour(xyz(c))).collect();
+        let mut level: Vec<f64> = picture.rgba.chunks_exact(4).map(|c| xyz(c)[1] * WHITE).collect();
         let levels = std::array::from_fn(|i| {
             // The next level of a pyramid (Burt and Adelson 1983, a = 0.4) at full resolution.
             let next = blurred(&level, picture.size[0] as usize, [0.05, 0.25, 0.4, 0.25, 0.05], 1 << i, false);
@@ -146,10 +147,9 @@ impl Layers {
 mod tests {
     use super::*;
 
-    fn flat(grey: u8, change: impl Fn(usize, usize) -> u8) -> Pixels {
-        let size = [48u32, 40];
+    fn flat(grey: u8, change: impl Fn(usize, usize) -> u8) -> Picture {
         let at = |i: usize| grey + change(i % 48, i / 48);
-        Pixels { size, rgb: (0..48 * 40).flat_map(|i| [at(i); 3]).collect() }
+        Picture { size: [48, 40], rgba: (0..48 * 40).flat_map(|i| [at(i), at(i), at(i), 255]).collect() }
     }
 
     #[test]
@@ -203,8 +203,8 @@ mod tests {
 
     #[test]
     fn colours_of_one_luminance_are_told_apart() {
-        let colour = |rgb: [u8; 3]| Pixels { size: [16, 16], rgb: rgb.repeat(256) };
-        let luminance = |p: &Pixels| Layers::new(p).levels[0][0];
+        let colour = |[r, g, b]: [u8; 3]| Picture { size: [16, 16], rgba: [r, g, b, 255].repeat(256) };
+        let luminance = |p: &Picture| Layers::new(p).levels[0][0];
         let red = colour([200, 100, 100]);
         let green = colour([90, 139, 100]);
         assert!((luminance(&red) - luminance(&green)).abs() < 0.5 * threshold(luminance(&red)));

@@ -6,13 +6,6 @@ use deltamorph_render::Picture;
 use deltamorph_render::srgb::{decoded, encoded};
 use std::path::Path;
 
-/// A picture in sRGB with straight alpha, like PNG.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Canvas {
-    size: [u32; 2],
-    rgba: Vec<u8>,
-}
-
 impl Background {
     /// Linear, for the renderer.
     pub fn linear(self) -> [f32; 4] {
@@ -22,29 +15,23 @@ impl Background {
     }
 }
 
-impl From<Picture> for Canvas {
-    fn from(Picture { size, mut rgba }: Picture) -> Self {
-        for pixel in rgba.chunks_exact_mut(4).filter(|pixel| !matches!(pixel[3], 0 | 255)) {
-            let opacity = f32::from(pixel[3]) / 255.0;
-            pixel[..3].iter_mut().for_each(|c| *c = encoded(decoded(*c) / opacity));
-        }
-        Self { size, rgba }
+/// The picture with straight alpha, like PNG: its colours are not multiplied by the opacity.
+pub fn straight(mut picture: Picture) -> Picture {
+    for pixel in picture.rgba.chunks_exact_mut(4).filter(|pixel| !matches!(pixel[3], 0 | 255)) {
+        let opacity = f32::from(pixel[3]) / 255.0;
+        pixel[..3].iter_mut().for_each(|c| *c = encoded(decoded(*c) / opacity));
     }
+    picture
 }
 
-impl Canvas {
-    pub fn rgba(&self) -> &[u8] {
-        &self.rgba
-    }
-
-    pub fn save(&self, path: &Path) -> Result<(), Failure> {
-        let mut file = vec![];
-        let mut encoder = encoder(&mut file, self.size);
-        encoder.set_compression(png::Compression::Default);
-        let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&self.rgba));
-        written.map_err(|e| Failure::Failed(format!("a picture cannot be encoded: {e}")))?;
-        write_file(path, file)
-    }
+/// Writes a picture as PNG.
+pub fn save(picture: Picture, path: &Path) -> Result<(), Failure> {
+    let mut file = vec![];
+    let mut encoder = encoder(&mut file, picture.size);
+    encoder.set_compression(png::Compression::Default);
+    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&straight(picture).rgba));
+    written.map_err(|e| Failure::Failed(format!("a picture cannot be encoded: {e}")))?;
+    write_file(path, file)
 }
 
 /// A PNG encoder for 8-bit RGBA in sRGB.

@@ -77,7 +77,9 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
         ("show", _) => Command::Show(look(rest).map_err(say)?),
         ("camera", _) => Command::Camera(render::camera(rest).map_err(say)?),
         ("zoom", _) => Command::Zoom(values::zoom(rest).map_err(say)?),
-        ("pan", _) => Command::Pan(pan(rest).ok_or_else(|| say("write `pan X,Y`, as in `pan 0.2,-0.1`".into()))?),
+        ("pan", _) => Command::Pan(
+            render::pair(rest, [100.0; 2]).ok_or_else(|| say("write `pan X,Y`, as in `pan 0.2,-0.1`".into()))?,
+        ),
         ("frames", _) => return Ok(Some(Step::Frames(values::whole(1, 1_000_000_000)(rest).map_err(say)?))),
         ("resize", _) => {
             let size = rest.split_once([' ', 'x']).map(|(w, h)| format!("{}x{}", w.trim(), h.trim()));
@@ -87,12 +89,6 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
         _ => return Err(format!("'{line}' is no command; `deltamorph view --help` lists them")),
     };
     Ok(Some(Step::Do(command)))
-}
-
-fn pan(text: &str) -> Option<[f32; 2]> {
-    let (x, y) = text.split_once(',')?;
-    let number = |text: &str| text.trim().parse().ok().filter(|v: &f32| v.abs() <= 100.0);
-    Some([number(x)?, number(y)?])
 }
 
 fn look(text: &str) -> Result<Show, String> {

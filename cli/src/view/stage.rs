@@ -11,12 +11,12 @@ use super::swapchain::Swapchain;
 use crate::args::render::Background;
 use crate::args::view::ViewArgs;
 use crate::output::{Failure, Output};
-use crate::render::canvas::Canvas;
-use crate::render::scenery::Subject;
+use crate::render::canvas::save;
+use crate::render::subject::Subject;
 use crate::runner::prepare;
 use deltamorph::UpdateStats;
 use deltamorph_headless::DeviceChoice;
-use deltamorph_render::{Camera, Heads, HeadsDesc, Light, Scene, Show, Target};
+use deltamorph_render::{Heads, HeadsDesc, Light, Scene, Show, Target};
 use egui::{Context, Rect};
 use glam::{Mat4, Vec3};
 use std::collections::VecDeque;
@@ -59,28 +59,26 @@ impl Stage {
         state: &State,
         ViewArgs { run, validation, .. }: &ViewArgs,
         choice: Option<&DeviceChoice>,
-        still: bool,
+        is_scripted: bool,
         out: &Output,
     ) -> Result<Self, Failure> {
         let device = Rc::new(Device::new(&window, choice, *validation)?);
         let painter = Painter::new(&device)?;
         let mesh = &state.input.kept;
-        let subject = Subject::new(run.input.input.as_deref(), &state.input)?;
+        let subject = Subject::new(&state.input)?;
         let headless = &device.headless;
         let (packed, desc) = prepare(run, &state.input, Some(headless.engine()), out)?;
         let threads = run.update.threads.unwrap_or(0);
-        let heads = HeadsDesc { threads, afterglow: AFTERGLOW, ..HeadsDesc::new(desc) };
+        let still = subject.still.as_ref().map(|still| (&still.mesh, &still.parts[..]));
+        let heads = HeadsDesc { threads, still, afterglow: AFTERGLOW, ..HeadsDesc::new(desc) };
         // SAFETY: fields drop in order, the target, then the heads, then the device; each frame is waited for.
-        let mut heads = unsafe { Heads::new(headless, mesh, &packed, &subject.parts, &heads) }?;
-        if let Some(still) = &subject.still {
-            heads.set_still(&still.mesh, &still.parts)?;
-        }
+        let heads = unsafe { Heads::new(headless, mesh, &packed, &subject.parts, &heads) }?;
         // Poses of floats have no grid, and take what the library takes.
         let weight_max = packed.layout().grid(desc.pose, desc.weight_max).map_or(1e6, |grid| grid.weight_max);
         let [path, format, pose] = [desc.path.name(), packed.layout().format.name(), desc.pose.name()];
         let about = format!("{path} {format} {pose} · {}", headless.caps().name);
         let context = Context::default();
-        style::apply(&context, still);
+        style::apply(&context, is_scripted);
         let (raw, physical, _) = headless.handles();
         // SAFETY: the physical device is the instance's.
         let limits = unsafe { raw.get_physical_device_properties(physical) }.limits;
@@ -164,8 +162,8 @@ impl Stage {
         // SAFETY: the buffer is recording, runs once, and is waited for before the next frame; each pass leaves the
         // picture ready for what follows. If the commands do not run, the window closes.
         let (stats, panel) = headless.run(|cmd| unsafe {
-            let updated = heads.update(headless.engine(), cmd, 0, &[weights])?;
-            heads.record(cmd, 0, target, &[Mat4::IDENTITY], scene, background)?;
+            let updated = heads.update(headless.engine(), cmd, &[weights])?;
+            heads.record(cmd, target, &[Mat4::IDENTITY], scene, background)?;
             let panel = self.painter.record(cmd);
             if screenshot.is_some() {
                 target.copy_pixels(cmd);
@@ -177,7 +175,7 @@ impl Stage {
         self.rows.truncate(FRAMES - 1);
         self.rows.push_front(stats);
         if let Some(path) = screenshot {
-            Canvas::from(target.picture()?).save(path)?;
+            save(target.picture()?, path)?;
         }
         if !swapchain.present(index)? {
             self.resize()?;
@@ -218,9 +216,7 @@ impl Stage {
         // At least a pixel, in windows of any size.
         let free = self.free.size().max(egui::Vec2::splat(1e-3));
         let aspect = (width * free.x / (height * free.y)).max(0.05);
-        let camera = Camera { yaw: self.subject.front + state.camera[0], pitch: state.camera[1], ..Camera::default() };
-        let mut view = camera.fit(self.subject.focus.iter().copied(), aspect, MARGIN);
-        view.reach(self.subject.whole.iter().copied());
+        let mut view = self.subject.view(state.camera, &[Mat4::IDENTITY], aspect, MARGIN);
         // Into the part of the window that the panel leaves free.
         let [right, down] = state.pan.map(|pan| 1.0 + 2.0 * pan * zoom);
         let x = 2.0 * self.free.left() + free.x * right - 1.0;

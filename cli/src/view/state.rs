@@ -1,7 +1,6 @@
 //! The user's choices, and the effects of commands on them. Independent of window and device.
 
 use super::command::Command;
-use crate::args::InputArgs;
 use crate::args::view::ViewArgs;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
@@ -14,7 +13,6 @@ const STAYS: f64 = 10.0;
 
 /// The mesh, weights, clip, and view.
 pub struct State {
-    args: InputArgs,
     pub input: Input,
     /// Names of the targets.
     pub names: Vec<String>,
@@ -44,7 +42,7 @@ impl State {
         let named = args.run.weights.as_deref();
         let input = input::load(&args.run.input, false, out)?;
         let first = named.or(input.clips.first().map(PathBuf::as_path));
-        let clip = input::clips(first, &args.run.input, &input, &[])?.pop();
+        let clip = input.clips(first, &[])?.pop();
         input.pose(&args.set)?; // counts among the largest weights
         let names: Vec<String> = input.targets().into_iter().map(str::to_owned).collect();
         let mut clips = input.clips.clone();
@@ -55,7 +53,6 @@ impl State {
             values[target] = weight;
         }
         Ok(Self {
-            args: args.run.input.clone(),
             values,
             names,
             input,
@@ -133,7 +130,7 @@ impl State {
     }
 
     fn take_clip(&mut self, path: &Path) -> Result<(), Failure> {
-        self.clip = Some(input::clip(path, &self.args, &self.input, &[])?);
+        self.clip = Some(self.input.clip(path, &[])?);
         self.at = 0.0;
         self.follows = true;
         self.chosen = Some(path.to_owned());

@@ -43,7 +43,7 @@ fn bench_verifies_measures_and_draws() {
                     "/runs/0",
                     "path mode batch_size changed coefficients active heads shared accumulate pose format passes \
                  bytes_moved bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel \
-                 normal_error_deg raw_error_rel floor_ms floor_fraction slots batch_max",
+                 normal_error_deg floor_ms floor_fraction slots batch_max",
                 ),
             ],
         );
@@ -63,7 +63,7 @@ fn bench_verifies_measures_and_draws() {
             let batch = run["batch_size"].as_f64().unwrap_or(coefficients);
             assert_eq!(passes, (coefficients / batch).ceil(), "{run}");
             assert!(run["bytes_moved"].as_f64() >= run["bytes_floor"].as_f64(), "{run}");
-            assert!(run["max_error_rel"].as_f64().unwrap() <= 3e-6 && run["raw_error_rel"].as_f64().unwrap() <= 5e-5);
+            assert!(run["max_error_rel"].as_f64().unwrap() <= 3e-6);
             assert_eq!(run["cpu_ms"]["n"], 3);
             // Dense incremental updates move as many bytes in each frame, so the share follows from the median time.
             let median = run["gpu_ms"]["median"].as_f64().filter(|_| run["path"] == "compute");
@@ -122,7 +122,7 @@ fn the_main_comparison_is_brief_and_prints_as_it_goes() {
     assert_eq!((of("blocks", "fast").len(), of("cpu", "small").len()), (1, 1));
     for run in &runs {
         // Configurations ran in turns, and each says how far its rounds agree.
-        let rounds: Vec<f64> = run["rounds"].as_array().unwrap().iter().map(|r| r["ms"].as_f64().unwrap()).collect();
+        let rounds: Vec<f64> = run["rounds"].as_array().unwrap().iter().map(|r| r.as_f64().unwrap()).collect();
         assert!(rounds.len() > 1 && run["rounds_ratio"].as_f64() >= Some(1.0) && run["verified"] == true, "{run}");
     }
     let uneven = runs.iter().filter(|run| run["rounds_ratio"].as_f64() > Some(1.5)).count();

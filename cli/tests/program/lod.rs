@@ -33,7 +33,7 @@ fn an_order_loses_less_than_random_ones_and_has_its_pins_first() {
 
 #[test]
 #[ignore = "a minute: .ci/deep"]
-fn all_metrics_rank_all_targets_and_say_how_far_they_agree() {
+fn all_metrics_rank_all_targets() {
     let all = json(&[&["lod", "--metric", "all", "--random", "1", "--json", "-"], &HEAD[..]].concat());
     let rankings = all["rankings"].as_array().unwrap();
     let metrics: Vec<&str> = rankings.iter().map(|r| r["metric"].as_str().unwrap()).collect();
@@ -43,7 +43,6 @@ fn all_metrics_rank_all_targets_and_say_how_far_they_agree() {
         assert_eq!((listed(ranking).len(), last["error_rel"].as_f64()), (12, Some(0.0)), "{ranking}");
         assert!(ranking["ranking"][0]["score"].as_f64().unwrap() > 0.0, "{ranking}");
     }
-    assert_eq!(all["agreement"].as_array().unwrap().len(), 10);
 }
 
 #[test]

@@ -30,7 +30,7 @@ const PICTURES: [(&str, &str); 11] = [
         "--set browInnerUp=1,browOuterUpLeft=1,browOuterUpRight=1,mouthSmileLeft=1,mouthSmileRight=1 \
         --show wrinkles --camera 8,2",
     ),
-    ("transparent", "--background none --light 50,20,1.2 --set cheekPuff=1"),
+    ("transparent", "--background none --set cheekPuff=1"),
 ];
 
 fn drivers() -> Vec<String> {

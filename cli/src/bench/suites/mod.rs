@@ -18,7 +18,7 @@ use deltamorph_headless::DeviceChoice;
 const SECONDS: f32 = 5.0;
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
-    let input = input::load(&args.input, true, out)?;
+    let input = input::load(&args.input, false, out)?;
     let mut session = Session::open(args, device, &input, SECONDS, out)?;
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
     // Checked before anything is measured: an unusable data set must not cost earlier measurements.

@@ -9,14 +9,13 @@ use crate::output::Failure;
 use deltamorph::KeptMesh;
 use deltamorph_head::{HeadDesc, head_clip};
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// The meshes of a scene; and workloads, one for each mesh, with a description.
 pub type Scene = (Vec<Input>, Vec<(Vec<Workload>, String)>);
 
 /// The built-in head of this size, as `args` have it otherwise.
 fn head_of(args: &InputArgs, head: HeadArgs, session: &Session<'_>) -> Result<Input, Failure> {
-    let input = input::load(&InputArgs { head, ..args.clone() }, true, session.out)?;
+    let input = input::load(&InputArgs { head, ..args.clone() }, false, session.out)?;
     let name = format!("{} vertices × {} targets", input.kept.vertex_count(), input.kept.targets.len());
     Ok(Input { name, ..input })
 }
@@ -28,7 +27,7 @@ const SPARSE: f32 = 0.08;
 fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>, Failure> {
     let args = &session.args.input;
     if args.input.is_some() {
-        return Ok(vec![input::load(args, true, session.out)?]);
+        return Ok(vec![input::load(args, false, session.out)?]);
     }
     let sparse = args.head.sparsity.unwrap_or(SPARSE);
     let heads = [("dense".to_owned(), 1.0), (format!("{}% sparse", sparse * 100.0), sparse)];
@@ -77,13 +76,10 @@ pub fn kept(session: &Session<'_>) -> Result<Vec<Scene>, Failure> {
     let mut counts: Vec<usize> = (1..=POINTS).map(|i| (total * i / POINTS).max(1.min(total))).collect();
     counts.dedup();
     let scene = |count| {
-        let first = |mesh: &KeptMesh| {
-            let mut mesh = mesh.clone();
-            mesh.targets.truncate(count);
-            Arc::new(mesh)
-        };
+        let mut kept = KeptMesh::clone(&all.kept);
+        kept.targets.truncate(count);
         let (name, origin) = (format!("{}, {count} targets", all.name), all.origin.clone());
-        let input = Input { name, raw: first(&all.raw), kept: first(&all.kept), origin, ..Input::default() };
+        let input = Input { name, kept: kept.into(), origin, ..Input::default() };
         (vec![input], vec![(vec![Workload::random(count, count, session.args.input.seed)], "all changed".into())])
     };
     Ok(counts.into_iter().map(scene).collect())
@@ -98,7 +94,7 @@ pub fn many(session: &Session<'_>) -> Result<Vec<Scene>, Failure> {
         sparsity: head.sparsity.or(Some(0.17)),
     };
     let input = match args.input {
-        Some(_) => input::load(args, true, session.out)?,
+        Some(_) => input::load(args, false, session.out)?,
         None => head_of(args, size, session)?,
     };
     let n = input.kept.targets.len();
@@ -149,10 +145,8 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Scene>, Failure> {
     let mut list = vec![];
     for set in sets(session)? {
         let args = InputArgs { input: Some(set), head: HeadArgs::default(), ..session.args.input.clone() };
-        let input = input::load(&args, true, session.out)?;
-        let read = |path: &PathBuf| {
-            input::clip(path, &args, &input, &[]).map(|clip| (vec![Workload::clip(&clip)], clip.name.clone()))
-        };
+        let input = input::load(&args, false, session.out)?;
+        let read = |path: &PathBuf| input.clip(path, &[]).map(|clip| (vec![Workload::clip(&clip)], clip.name.clone()));
         let works = input.clips.iter().map(read).collect::<Result<_, _>>()?;
         list.push((vec![input], works));
     }

@@ -22,7 +22,7 @@ fn all(session: &mut Session<'_>, paths: &[UpdatePath], poses: &[PoseFormat]) ->
     let (args, float) = (&session.args.update, PoseFormat::Float32);
     let poses = distinct_or(&args.poses, poses);
     let mut techniques = vec![];
-    for path in args.paths_or(paths) {
+    for path in distinct_or(&args.paths, paths) {
         let sizes = if path.takes_all_targets() { &SIZES[..] } else { &[BatchSpec::Max] };
         let own = poses.iter().filter(|pose| path.poses().contains(pose));
         let mut ways: Vec<_> = own.map(|&pose| (path.default_mode(), sizes, pose)).collect();
@@ -58,7 +58,7 @@ pub fn run(
 ) -> Result<(), Failure> {
     let techniques = all(session, paths, poses);
     let args = session.args;
-    let (heads, draws) = (args.heads_or(heads), args.draws_or(1));
+    let (heads, draws) = (distinct_or(&args.heads, heads), distinct_or(&args.draws, &[1]));
     session.planned += scenes.iter().map(|(_, works)| works.len()).sum::<usize>() * heads.len() * draws.len();
     for (inputs, works) in scenes {
         let mut subject = session.scene(inputs);

@@ -1,37 +1,14 @@
-//! The inputs of pictures: the mesh and its parts, the device and update description, the requested weights.
+//! What is drawn: the parts of a mesh, and where a camera finds them.
 
 use super::names;
 use super::painted::{self, Painted, Still};
-use crate::args::render::RenderArgs;
-use crate::input::{self, Input};
-use crate::output::{Failure, Output};
-use crate::runner::{Gpu, Stage};
+use crate::input::Input;
+use crate::output::Failure;
 use deltamorph::KeptMesh;
 use deltamorph::import::is_gltf;
-use deltamorph_render::{Face, Part, parts};
-use glam::Vec3;
+use deltamorph_render::{Camera, Face, Part, View, parts};
+use glam::{Mat4, Vec3};
 use std::collections::HashMap;
-use std::path::Path;
-
-/// Inputs of a picture.
-pub struct Scenery<'a> {
-    pub args: &'a RenderArgs,
-    pub input: &'a Input,
-    pub stage: &'a Stage,
-    pub gpu: &'a Gpu,
-    pub subject: Subject,
-    pub out: &'a Output,
-}
-
-/// Describes the files written.
-pub struct Done {
-    /// Describes the picture in words.
-    pub what: String,
-    pub size: [u32; 2],
-    pub frames: usize,
-    /// The end of the scale, if colours stand for values.
-    pub scale: Option<f32>,
-}
 
 /// The parts of a mesh, and those beside it.
 pub struct Subject {
@@ -41,28 +18,38 @@ pub struct Subject {
     pub whole: Vec<Vec3>,
     pub still: Option<Still>,
     /// Yaw of a camera that looks at the face, in degrees.
-    pub front: f32,
+    front: f32,
 }
 
 impl Subject {
-    /// The subject of the mesh that was read from `path`, or of the built-in head.
-    pub fn new(path: Option<&Path>, input: &Input) -> Result<Self, Failure> {
-        let mesh = &input.kept;
-        let Some(path) = path.filter(|path| is_gltf(path) && path.is_file() && input.packed.is_none()) else {
-            return Ok(Self::of_mesh(path, mesh));
-        };
-        let Painted { parts, still } = painted::of_file(path, mesh)?;
-        let (focus, whole) = views(mesh, &parts, still.as_ref());
+    pub fn new(input: &Input) -> Result<Self, Failure> {
+        let path = input.args.input.as_ref().filter(|path| is_gltf(path) && path.is_file() && input.packed.is_none());
+        let Some(path) = path else { return Ok(Self::of_mesh(input)) };
+        let Painted { parts, still } = painted::of_file(path, &input.kept)?;
+        let (focus, whole) = views(&input.kept, &parts, still.as_ref());
         Ok(Self { parts, focus, whole, still, front: input.front })
     }
 
-    /// The subject of a mesh with the same faces as the one at `path`, by itself.
-    pub fn of_mesh(path: Option<&Path>, mesh: &KeptMesh) -> Self {
-        let names = names::of_faces(path, mesh);
+    /// The mesh by itself.
+    pub fn of_mesh(input: &Input) -> Self {
+        let mesh = &input.kept;
+        let names = names::of_faces(input.args.input.as_deref(), mesh);
         let said: Vec<Face<'_>> = names.iter().map(|name| Face::Named(name)).collect();
         let parts = parts(mesh, &said);
         let (focus, whole) = views(mesh, &parts, None);
-        Self { parts, focus, whole, still: None, front: 0.0 }
+        Self { parts, focus, whole, still: None, front: input.front }
+    }
+
+    /// The view from a direction (degrees around and up) in which instances at `places` fill a picture of this ratio of
+    /// width to height, except for a `margin` at each edge.
+    pub fn view(&self, [yaw, pitch]: [f32; 2], places: &[Mat4], aspect: f32, margin: f32) -> View {
+        let at_places = |points: &'_ [Vec3]| -> Vec<Vec3> {
+            places.iter().flat_map(|place| points.iter().map(|p| place.transform_point3(*p))).collect()
+        };
+        let camera = Camera { yaw: self.front + yaw, pitch, ..Camera::default() };
+        let mut view = camera.fit(at_places(&self.focus).into_iter(), aspect, margin);
+        view.reach(at_places(&self.whole).into_iter());
+        view
     }
 }
 
@@ -110,26 +97,4 @@ fn views(mesh: &KeptMesh, parts: &[Part], still: Option<&Still>) -> (Vec<Vec3>, 
 /// Lowest and highest corner of the bounding box of points; `MAX` and `MIN` without points.
 pub fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
     points.fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(p), high.max(p)))
-}
-
-impl Scenery<'_> {
-    /// Weights of the requested frame and settings, and those of the frame before (for the first frame or settings
-    /// alone, the base pose).
-    pub fn weights(&self) -> Result<[Vec<f32>; 2], Failure> {
-        let args = self.args;
-        let rest = || vec![0.0; self.input.kept.targets.len()];
-        let (Some(path), Some(frame)) = (&args.run.weights, args.frame) else {
-            return Ok([self.input.pose(&args.set)?, rest()]);
-        };
-        let clip = input::clip(path, &args.run.input, self.input, &args.set)?;
-        input::check_frame(path, &clip, frame)?;
-        Ok([clip.frame(frame)?, if frame > 0 { clip.frame(frame - 1)? } else { rest() }])
-    }
-
-    /// Frames of the requested clip, or of the only one, with the settings applied; and their rate.
-    pub fn frames(&self) -> Result<(Vec<Vec<f32>>, f32), Failure> {
-        let args = self.args;
-        let clip = input::one_clip(args.run.weights.as_deref(), &args.run.input, self.input, &args.set)?;
-        Ok((clip.frames().collect(), clip.fps))
-    }
 }
