@@ -117,16 +117,17 @@ macro_rules! crowd_methods {
         }
 
         /// Vertices that the last update changed in the pose of `instance`, as ascending ranges in pose-buffer order:
-        /// whole blocks in block formats, all vertices if only the GPU knows. The last range may extend beyond the last
-        /// vertex.
-        #[doc(hidden)]
+        /// whole blocks in block formats, all vertices if only the GPU knows (crowds that play clips), none if nothing
+        /// changed. For acceleration structures, picking, or copies that follow the pose.
         pub fn changed(&mut self, instance: u32) -> Vec<std::ops::Range<u32>> {
             let (mut changed, updates) = (vec![], self.updates);
+            let vertices = self.layout().vertex_count as u32;
             let (instances, state) = self.parts();
             if updates > 0 && instances.check(instance).is_ok() {
                 state.changed(instances, updates, instance, &mut changed);
             }
-            changed
+            let merged = changed.chunk_by(|a, b| a.end == b.start).map(|run| run[0].start..run[run.len() - 1].end);
+            merged.map(|range| range.start..range.end.min(vertices)).filter(|range| !range.is_empty()).collect()
         }
     };
 }

@@ -12,6 +12,7 @@ use deltamorph::{
     AnimationDesc, Crowd, CrowdDesc, Error, GpuMesh, PackedMesh, Playback, PoseReadback, Result, Ticket, Update,
 };
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::slice::from_ref;
 use std::time::Instant;
 
@@ -127,6 +128,11 @@ impl<'a> HeadlessCrowd<'a> {
     /// See [`Crowd::set_weights`].
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.crowd.set_weights(instance, weights)
+    }
+
+    /// See [`Crowd::changed`].
+    pub fn changed(&mut self, instance: u32) -> Vec<Range<u32>> {
+        self.crowd.changed(instance)
     }
 
     /// See [`Crowd::reset_history`].

@@ -1,13 +1,13 @@
 //! Conservative bounds of poses, computed from weights alone.
 
 use super::UpdateDesc;
-use crate::error::Result;
+use crate::error::{Result, ensure};
 use crate::math::{down, up};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedMesh};
 
-/// Vertices per group: consecutive in pose-buffer order.
-const GROUP: usize = 256;
+/// Vertices per cluster, unless the application names its own: consecutive in pose-buffer order.
+const CLUSTER: u32 = 256;
 
 /// An axis-aligned box, in input units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +19,18 @@ pub struct Bounds {
     pub max: [f32; 3],
 }
 
-/// Smallest and largest delta of a target in a group of vertices, at weight 1.
+impl Bounds {
+    const EMPTY: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
+
+    fn union(self, other: Self) -> Self {
+        Self {
+            min: std::array::from_fn(|axis| self.min[axis].min(other.min[axis])),
+            max: std::array::from_fn(|axis| self.max[axis].max(other.max[axis])),
+        }
+    }
+}
+
+/// Smallest and largest delta of a target in a cluster of vertices, at weight 1.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     target: u32,
@@ -27,19 +38,20 @@ struct Reach {
     high: [f32; 3],
 }
 
-/// Conservative bounds of a mesh's poses, for culling and shadows before the GPU has updated them.
+/// Conservative bounds of a mesh's poses, for culling and shadows before the GPU has updated them: of the whole mesh, or
+/// of clusters of its vertices.
 ///
-/// Vertices are taken in groups of 256 neighbours. A group has the bounds of its base pose and, for each target that
-/// moves it, the smallest and largest delta along each axis; interval arithmetic adds them for given weights. All of it
-/// is exact in double precision, except sums, whose rounding is added, and that of fixed-point poses and of decoding
-/// them ([`PoseGrid::position_error`]); bounds are rounded outward to float32. No pose exceeds its bounds, which are
-/// somewhat too large if the vertices of a group move apart.
+/// A cluster has the bounds of its base pose and, for each target that moves it, the smallest and largest delta along
+/// each axis; interval arithmetic adds them for given weights. All of it is exact in double precision, except sums,
+/// whose rounding is added, and that of fixed-point poses and of decoding them ([`PoseGrid::position_error`]); bounds
+/// are rounded outward to float32. No pose exceeds its bounds, which are somewhat too large if the vertices of a
+/// cluster move apart.
 ///
-/// Takes 28 bytes and one step of work for each pair of a group and a target that moves it.
+/// Takes 28 bytes and one step of work for each pair of a cluster and a target that moves it.
 #[derive(Clone, Debug)]
 pub struct WeightBounds {
-    /// Bounds of the base pose, and end of the group in `reaches`.
-    groups: Vec<([f32; 3], [f32; 3], usize)>,
+    /// Bounds of the base pose, and end of the cluster in `reaches`.
+    clusters: Vec<([f32; 3], [f32; 3], usize)>,
     reaches: Vec<Reach>,
     targets: usize,
     /// Grid of weights, for fixed-point poses.
@@ -49,49 +61,66 @@ pub struct WeightBounds {
 }
 
 impl WeightBounds {
-    /// For crowds of `mesh` with this description.
+    /// For crowds of `mesh` with this description. Clusters are 256 neighbours in pose-buffer order.
     ///
     /// # Errors
     /// Errors of [`UpdateDesc::grid`].
     pub fn new(mesh: &PackedMesh, update: &UpdateDesc) -> Result<Self> {
+        let vertices = mesh.layout().vertex_count as u32;
+        let cluster = |first: u32| (first..vertices.min(first + CLUSTER)).collect();
+        let clusters: Vec<Vec<u32>> = (0..vertices).step_by(CLUSTER as usize).map(cluster).collect();
+        Self::with_clusters(mesh, update, &clusters)
+    }
+
+    /// Like [`new`](Self::new), with these clusters of vertices in pose-buffer order: what a draw, a meshlet or the
+    /// geometry of an acceleration structure indexes. A vertex may be in several of them, or in none.
+    ///
+    /// # Errors
+    /// Errors of [`UpdateDesc::grid`]; a vertex that the mesh does not have.
+    pub fn with_clusters(mesh: &PackedMesh, update: &UpdateDesc, clusters: &[impl AsRef<[u32]>]) -> Result<Self> {
         let layout = mesh.layout();
-        let base = mesh.base();
-        let count = layout.padded_vertices().div_ceil(GROUP);
-        let mut places = vec![0; layout.vertex_count];
-        let mut sizes = vec![0u32; count];
+        let base = mesh.base().as_chunks::<POSE_FLOATS>().0;
+        let count = clusters.len();
+        // By vertex, in the user's order.
+        let mut places = vec![vec![]; layout.vertex_count];
         let empty = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         let mut bases = vec![empty; count];
-        for (packed, vertex) in base.as_chunks::<POSE_FLOATS>().0.iter().enumerate() {
-            let Some(user) = layout.user_vertex(packed) else { continue };
-            let group = packed / GROUP;
-            (places[user], sizes[group]) = (group, sizes[group] + 1);
-            extend(&mut bases[group], [vertex[0], vertex[1], vertex[2]], |x| (x, x));
+        for (number, cluster) in clusters.iter().enumerate() {
+            for &vertex in cluster.as_ref() {
+                let what = || format!("cluster {number} has vertex {vertex} of {}", layout.vertex_count);
+                let user = layout.user_vertex(vertex as usize);
+                ensure!(user.is_some(), what(), "name vertices as the indices of the packed mesh do");
+                places[user.unwrap_or_default()].push(number);
+                let [x, y, z, ..] = base[vertex as usize];
+                extend(&mut bases[number], [x, y, z], |x| (x, x));
+            }
         }
-        let mut by_group: Vec<Vec<Reach>> = vec![vec![]; count];
+        let mut by_cluster: Vec<Vec<Reach>> = vec![vec![]; count];
         for target in 0..layout.targets.len() {
-            let (mut reach, mut moved) = (vec![empty; count], vec![0u32; count]);
+            let (mut reach, mut moved) = (vec![empty; count], vec![0; count]);
             mesh.for_each_delta(target, |user, [x, y, z, ..]| {
-                moved[places[user]] += 1;
-                extend(&mut reach[places[user]], [x, y, z], |x| (down(x), up(x)));
-            });
-            for group in (0..count).filter(|group| moved[*group] > 0) {
-                if moved[group] < sizes[group] {
-                    // Unmoved vertices of the group.
-                    extend(&mut reach[group], [0.0f32; 3], |x| (x, x));
+                for &number in &places[user] {
+                    moved[number] += 1;
+                    extend(&mut reach[number], [x, y, z], |x| (down(x), up(x)));
                 }
-                let (low, high) = reach[group];
-                by_group[group].push(Reach { target: target as u32, low, high });
+            });
+            for number in (0..count).filter(|number| moved[*number] > 0) {
+                if moved[number] < clusters[number].as_ref().len() {
+                    // Unmoved vertices of the cluster.
+                    extend(&mut reach[number], [0.0f32; 3], |x| (x, x));
+                }
+                let (low, high) = reach[number];
+                by_cluster[number].push(Reach { target: target as u32, low, high });
             }
         }
         let mut reaches = vec![];
-        let groups = bases.into_iter().zip(by_group).filter(|((low, _), _)| low[0].is_finite());
-        let groups = groups.map(|((low, high), of_group)| {
-            reaches.extend(of_group);
+        let clusters = bases.into_iter().zip(by_cluster).map(|((low, high), of_cluster)| {
+            reaches.extend(of_cluster);
             (low, high, reaches.len())
         });
-        let groups = groups.collect();
+        let clusters = clusters.collect();
         let grid = update.grid(layout)?;
-        Ok(Self { groups, reaches, targets: layout.targets.len(), grid, budget: update.error_budget })
+        Ok(Self { clusters, reaches, targets: layout.targets.len(), grid, budget: update.error_budget })
     }
 
     /// Bounds of the pose of these `weights`, one per target; missing ones are 0. `bound`: the position error from
@@ -103,14 +132,18 @@ impl WeightBounds {
     /// bounds.
     #[must_use]
     pub fn of(&self, weights: &[f32], bound: f32) -> Bounds {
+        self.of_clusters(weights, bound).fold(Bounds::EMPTY, Bounds::union)
+    }
+
+    /// Like [`of`](Self::of), for each cluster; those of a cluster without vertices are empty.
+    pub fn of_clusters(&self, weights: &[f32], bound: f32) -> impl Iterator<Item = Bounds> {
         let weights: Vec<f64> = weights.iter().take(self.targets).map(|w| f64::from(self.rounded(*w))).collect();
         // `bound` may include what rounding fixed-point terms and decoding add, too.
         let active = weights.iter().filter(|weight| **weight != 0.0).count();
         let rounding = self.grid.map_or(0.0, |grid| grid.position_error(active));
         let slack = f64::from(bound.max(rounding)) + f64::from(self.budget);
-        let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         let mut first = 0;
-        for &(base_low, base_high, end) in &self.groups {
+        self.clusters.iter().map(move |&(base_low, base_high, end)| {
             let (mut low, mut high) = (base_low.map(f64::from), base_high.map(f64::from));
             // Bound on rounding of the sums: one ulp of the largest for each term.
             let mut largest = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -132,13 +165,12 @@ impl WeightBounds {
                 (largest, terms) = (largest + most, terms + 1.0);
             }
             first = end;
-            let slack = slack + largest * terms * f64::EPSILON;
-            for axis in 0..3 {
-                min[axis] = min[axis].min(low[axis] - slack);
-                max[axis] = max[axis].max(high[axis] + slack);
+            if low[0] > high[0] {
+                return Bounds::EMPTY;
             }
-        }
-        Bounds { min: min.map(down), max: max.map(up) }
+            let slack = slack + largest * terms * f64::EPSILON;
+            Bounds { min: low.map(|x| down(x - slack)), max: high.map(|x| up(x + slack)) }
+        })
     }
 
     fn rounded(&self, weight: f32) -> f32 {
@@ -186,6 +218,11 @@ mod tests {
             };
             let update = UpdateDesc { pose, weight_max: Some(4.0), ..UpdateDesc::blocks() };
             let bounds = WeightBounds::new(&packed, &update).expect("a grid");
+            // Of any size, with vertices in common.
+            let vertices = packed.layout().vertex_count;
+            let clusters: [Vec<u32>; 4] =
+                [0, 1, 7, vertices / 2].map(|size| (0..size).map(|_| rng.below(vertices) as u32).collect());
+            let of_clusters = WeightBounds::with_clusters(&packed, &update, &clusters).expect("a grid");
             let grid = update.grid(packed.layout()).expect("a grid");
             for _ in 0..10_000 {
                 let most = [0.1, 1.0, 4.0][rng.below(3)];
@@ -198,6 +235,16 @@ mod tests {
                 for vertex in pose.as_chunks::<POSE_FLOATS>().0 {
                     for axis in 0..3 {
                         (low[axis], high[axis]) = (low[axis].min(vertex[axis]), high[axis].max(vertex[axis]));
+                    }
+                }
+                let found_of: Vec<Bounds> = of_clusters.of_clusters(&weights, 0.0).collect();
+                assert_eq!(found_of[0], Bounds::EMPTY);
+                for (Bounds { min, max }, cluster) in found_of.iter().zip(&clusters) {
+                    for vertex in cluster {
+                        let user = packed.layout().user_vertex(*vertex as usize).expect("a vertex");
+                        let place = &pose[user * POSE_FLOATS..];
+                        let is_in = |axis| f64::from(min[axis]) <= place[axis] && place[axis] <= f64::from(max[axis]);
+                        assert!((0..3).all(is_in), "{weights:?}: vertex {vertex} of {cluster:?}: {min:?}, {max:?}");
                     }
                 }
                 for axis in 0..3 {
@@ -253,5 +300,7 @@ mod tests {
             assert!(deferred.min[axis] <= plain.min[axis] - 0.25 && deferred.max[axis] >= plain.max[axis] + 0.25);
         }
         assert_eq!((down(0.1), up(0.1)), (0.1f32.next_down(), 0.1f32));
+        let refused = WeightBounds::with_clusters(&packed, &UpdateDesc::blocks(), &[vec![99], vec![100]]);
+        assert!(refused.is_err_and(|error| error.to_string().contains("cluster 1 has vertex 100 of 100")));
     }
 }

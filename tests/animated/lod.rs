@@ -30,7 +30,7 @@ fn one_number_of_pixels_steers_the_error_budget_too() {
         }
         crowd.update();
         for (head, budget) in budgets.into_iter().enumerate() {
-            written[head] += crowd.changed(head as u32).len();
+            written[head] += crowd.changed(head as u32).iter().map(ExactSizeIterator::len).sum::<usize>();
             let pose = packed.layout().to_user_order(&crowd.pose(head as u32).expect("a pose"));
             let off = compare(&pose, &evaluate(&packed, &whole)).position;
             let most = f64::from(budget) + 1e-5 * f64::from(mesh.diagonal);
