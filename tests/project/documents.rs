@@ -163,3 +163,45 @@ fn contributing_names_every_environment_variable_and_no_other() {
     assert!(used.remove("DELTAMORPH_H"), "the include guard of deltamorph.h");
     assert_eq!(variables(&rows), used);
 }
+
+/// Returns the cells of the rows of tables in `text`, by the first cell.
+fn rows(text: &str) -> Vec<(String, Vec<String>)> {
+    let lines = text.lines().filter_map(|line| line.strip_prefix("| ")?.strip_suffix(" |"));
+    let cells = lines.map(|line| line.split(" | ").map(str::to_owned));
+    let named = cells.filter_map(|mut row| Some((row.next()?, row.collect::<Vec<_>>())));
+    named.filter(|(_, cells)| !cells.is_empty()).collect()
+}
+
+/// What README says of a platform is in docs/platforms.md, which `.ci/deep` enters results in.
+#[test]
+fn readme_says_of_platforms_what_ran() {
+    let (readme, results) = (read(Path::new("README.md")), rows(&read(Path::new("docs/platforms.md"))));
+    let columns = &results.iter().find(|(name, _)| name == "platform").expect("a table").1;
+    let section = readme.split("## Platforms\n").nth(1).and_then(|rest| rest.split("## ").next()).expect("a section");
+    // What has to be there for each word, and what must not.
+    let words = [
+        ("tests run", &["unit tests", "updates", "hashes"][..], &[][..]),
+        ("every test runs", &["unit tests", "updates", "hashes", "C example"], &[]),
+        ("program, C library and tests run", &["unit tests", "updates", "hashes", "C example"], &[]),
+        ("compiled and linked", &["compiled", "linked"], &[]),
+        ("compiled", &["compiled"], &[]),
+        ("nothing has run", &[], &["unit tests", "updates", "hashes", "C example"]),
+    ];
+    let said = rows(section);
+    assert!(said.len() >= 5, "{said:?}");
+    for (name, says) in said {
+        let platform: Vec<&str> = name.split([',', ' ']).filter(|word| !word.is_empty()).collect();
+        let is_it = |row: &str| row.starts_with(platform[0]) && (!name.contains("ARM") || row.contains("ARM64"));
+        let of_platform: Vec<_> = results.iter().filter(|(row, _)| is_it(row)).collect();
+        let has = |column: &str| {
+            let at = columns.iter().position(|found| found == column).expect("a column");
+            of_platform.iter().any(|(_, cells)| cells[at] != "–")
+        };
+        let claims: Vec<_> = words.iter().filter(|(words, ..)| says[0].contains(words)).collect();
+        assert!(!claims.is_empty(), "README says of {name}: {}", says[0]);
+        for (words, there, not_there) in claims {
+            let fits = there.iter().all(|column| has(column)) && !not_there.iter().any(|column| has(column));
+            assert!(fits, "README says '{words}' of {name}, docs/platforms.md has {of_platform:?}");
+        }
+    }
+}
