@@ -38,8 +38,8 @@ struct Reach {
     high: [f32; 3],
 }
 
-/// Conservative bounds of a mesh's poses, for culling and shadows before the GPU has updated them: of the whole mesh, or
-/// of clusters of its vertices.
+/// Conservative bounds of a mesh's poses, for culling and shadows before the GPU has updated them: bounds of the whole
+/// mesh, or of clusters of its vertices.
 ///
 /// A cluster has the bounds of its base pose and, for each target that moves it, the smallest and largest delta along
 /// each axis; interval arithmetic adds them for given weights. All of it is exact in double precision, except sums,
