@@ -58,7 +58,7 @@ pub struct Output {
 
 impl Output {
     pub fn new(quiet: bool, json: Option<PathBuf>) -> Self {
-        Self { quiet, json, lost: OnceLock::new(), taken: OnceLock::new() }
+        Self { quiet, json, ..Self::default() }
     }
 
     /// Whether stdout is reserved for JSON.

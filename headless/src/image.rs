@@ -1,4 +1,4 @@
-//! Images used as textures, attachments and pictures, each with its memory and its views.
+//! Images used as textures, attachments and pictures, each with its memory and its views; and passes over them.
 
 use deltamorph::ash::vk;
 use deltamorph::gpu_allocator::vulkan::AllocationScheme;
@@ -8,6 +8,7 @@ use deltamorph::internals::gpu::memory::sharing;
 use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{Error, Result};
 use std::ops::Range;
+use std::slice::from_ref;
 use std::sync::Arc;
 
 /// Description of an [`Image`].
@@ -111,4 +112,39 @@ impl Drop for Image {
             self.device.free(memory);
         }
     }
+}
+
+/// Makes a render pass of one subpass.
+///
+/// # Errors
+/// There is no memory.
+pub fn render_pass(
+    device: &Device,
+    attachments: &[vk::AttachmentDescription],
+    subpass: &vk::SubpassDescription<'_>,
+    dependencies: &[vk::SubpassDependency],
+) -> Result<vk::RenderPass> {
+    let info = vk::RenderPassCreateInfo::default().attachments(attachments).subpasses(from_ref(subpass));
+    // SAFETY: the device is alive; everything referred to is in `info`.
+    let made = unsafe { device.raw.create_render_pass(&info.dependencies(dependencies), None) };
+    made.map_err(Error::vulkan("vkCreateRenderPass"))
+}
+
+/// Makes a framebuffer of these views.
+///
+/// # Errors
+/// There is no memory.
+///
+/// # Safety
+/// Pass and views are the device's and alive; the views match the pass, and are of this size.
+pub unsafe fn framebuffer(
+    device: &Device,
+    pass: vk::RenderPass,
+    views: &[vk::ImageView],
+    [width, height]: [u32; 2],
+) -> Result<vk::Framebuffer> {
+    let info = vk::FramebufferCreateInfo::default().render_pass(pass).attachments(views).layers(1);
+    // SAFETY: the caller's obligations.
+    let made = unsafe { device.raw.create_framebuffer(&info.width(width).height(height), None) };
+    made.map_err(Error::vulkan("vkCreateFramebuffer"))
 }

@@ -15,7 +15,7 @@ pub use crowd::{HeadlessCrowd, Recorded, Step};
 #[doc(hidden)]
 pub use draw::{Draws, PoseUpload};
 #[doc(hidden)]
-pub use image::{Image, ImageDesc};
+pub use image::{Image, ImageDesc, framebuffer, render_pass};
 #[doc(hidden)]
 pub use wait::wait_idle;
 

@@ -1,9 +1,9 @@
 //! The render passes, with their attachments and dependencies.
 
+use deltamorph::Result;
 use deltamorph::ash::vk;
 use deltamorph::internals::gpu::device::Device;
-use deltamorph::{Error, Result};
-use std::slice::from_ref;
+use deltamorph_headless::render_pass;
 use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
 
 /// Edge of the shadow map, in texels.
@@ -53,10 +53,7 @@ pub(crate) fn shadow(gpu: &Device) -> Result<vk::RenderPass> {
             .dst_stage_mask(Stage::FRAGMENT_SHADER)
             .dst_access_mask(Access::SHADER_READ),
     ];
-    let info = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(from_ref(&subpass));
-    // SAFETY: the device is alive, as long as `gpu` is; the renderer destroys the pass.
-    let pass = unsafe { gpu.raw.create_render_pass(&info.dependencies(&dependencies), None) };
-    pass.map_err(Error::vulkan("vkCreateRenderPass"))
+    render_pass(gpu, &attachments, &subpass, &dependencies)
 }
 
 /// Makes the picture pass: multisampled colours and depth, resolved into an image that is left for copies.
@@ -90,8 +87,5 @@ pub(crate) fn picture(gpu: &Device, depth_format: vk::Format) -> Result<vk::Rend
             .dst_stage_mask(Stage::TRANSFER | Stage::COLOR_ATTACHMENT_OUTPUT)
             .dst_access_mask(Access::TRANSFER_READ | Access::COLOR_ATTACHMENT_READ | Access::COLOR_ATTACHMENT_WRITE),
     ];
-    let info = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(from_ref(&subpass));
-    // SAFETY: as in `shadow`.
-    let pass = unsafe { gpu.raw.create_render_pass(&info.dependencies(&dependencies), None) };
-    pass.map_err(Error::vulkan("vkCreateRenderPass"))
+    render_pass(gpu, &attachments, &subpass, &dependencies)
 }

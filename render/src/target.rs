@@ -11,7 +11,7 @@ use bytemuck::{bytes_of, cast_slice};
 use deltamorph::ash::vk;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::{Error, Result};
-use deltamorph_headless::Image;
+use deltamorph_headless::{Image, framebuffer};
 use glam::{Mat4, Vec3};
 use std::slice::from_ref;
 use std::sync::Arc;
@@ -86,17 +86,13 @@ impl Target {
         let stride = size_of::<HeadScene>().next_multiple_of(alignment.max(1));
         let scenes = buffer(&gpu, stride * heads, vk::BufferUsageFlags::UNIFORM_BUFFER)?;
         let glow = buffer(&gpu, 4, vk::BufferUsageFlags::STORAGE_BUFFER)?;
-        let framebuffer = vk::Framebuffer::null();
-        let set = vk::DescriptorSet::null();
-        let pool = vk::DescriptorPool::null();
-        let shadow_framebuffer = framebuffer;
         let mut this = Self {
             gpu,
             extent,
-            framebuffer,
-            shadow_framebuffer,
-            set,
-            pool,
+            framebuffer: vk::Framebuffer::null(),
+            shadow_framebuffer: vk::Framebuffer::null(),
+            set: vk::DescriptorSet::null(),
+            pool: vk::DescriptorPool::null(),
             heads,
             stride,
             scenes,
@@ -109,8 +105,12 @@ impl Target {
             shadow_map,
         };
         let views = [&this.samples, &this.depth, &this.image].map(|image| image.views[0]);
-        this.framebuffer = this.framebuffer(renderer.pass, &views, extent)?;
-        this.shadow_framebuffer = this.framebuffer(renderer.shadow_pass, &[this.shadow_map.views[0]], edge)?;
+        let map = this.shadow_map.views[0];
+        // SAFETY: the views are the target's, and match the passes of the renderer.
+        unsafe {
+            this.framebuffer = framebuffer(&this.gpu, renderer.pass, &views, size)?;
+            this.shadow_framebuffer = framebuffer(&this.gpu, renderer.shadow_pass, &[map], [SHADOW_EDGE; 2])?;
+        }
         this.make_set(renderer)?;
         Ok(this)
     }
@@ -157,18 +157,6 @@ impl Target {
         Ok(Picture { size: [width, height], rgba })
     }
 
-    fn framebuffer(
-        &self,
-        pass: vk::RenderPass,
-        views: &[vk::ImageView],
-        extent: vk::Extent2D,
-    ) -> Result<vk::Framebuffer> {
-        let info = vk::FramebufferCreateInfo::default().render_pass(pass).attachments(views).layers(1);
-        // SAFETY: the device is alive as long as `gpu`; the views match the pass.
-        let made = unsafe { self.gpu.raw.create_framebuffer(&info.width(extent.width).height(extent.height), None) };
-        made.map_err(Error::vulkan("vkCreateFramebuffer"))
-    }
-
     fn make_set(&mut self, renderer: &Renderer) -> Result<()> {
         let device = &self.gpu.raw;
         let kinds = [
@@ -178,7 +166,7 @@ impl Target {
         ];
         let sizes = kinds.map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: 1 });
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
-        // SAFETY: as in `framebuffer`; the set is of the pool, and goes with it.
+        // SAFETY: the device is alive as long as `gpu`; the set is of the pool, and goes with it.
         unsafe {
             self.pool = device.create_descriptor_pool(&info, None).map_err(Error::vulkan("vkCreateDescriptorPool"))?;
             let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.pool);

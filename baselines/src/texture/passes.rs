@@ -4,6 +4,7 @@ use super::blending::add_blending;
 use super::images::write_image;
 use super::{Textures, words_of};
 use bytemuck::bytes_of;
+use deltamorph::Result;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::{Kernel, RECTANGLES, TEXELS};
 use deltamorph::internals::gpu::descriptors::Sets;
@@ -14,8 +15,7 @@ use deltamorph::internals::pack::{DeltaFormat, PoseFormat};
 use deltamorph::internals::update::technique::Context;
 use deltamorph::internals::weights::delta::Coefficient;
 use deltamorph::shader_structure;
-use deltamorph::{Error, Result};
-use deltamorph_headless::{Image, ImageDesc};
+use deltamorph_headless::{Image, ImageDesc, framebuffer, render_pass};
 use std::sync::Arc;
 
 shader_structure! {
@@ -41,7 +41,7 @@ struct Blend(DeltaFormat);
 impl PipelineKey for Blend {
     fn make(self, objects: &mut Objects) -> Result<()> {
         objects.add_layout(&[RECTANGLES.row, TEXELS.row], 0)?;
-        objects.render_pass = render_pass(&objects.device, true)?;
+        objects.render_pass = blending(&objects.device, true)?;
         let module = |kernel: &'static Kernel| kernel.module(self.0.row(), PoseFormat::Float32.row(), 0);
         add_blending(objects, [module(&RECTANGLES)?, module(&TEXELS)?])
     }
@@ -49,7 +49,7 @@ impl PipelineKey for Blend {
 
 /// Makes a render pass over both displacement textures, which draws find in SHADER_READ_ONLY_OPTIMAL. It clears them,
 /// or loads the result of an earlier such pass.
-fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
+fn blending(device: &Device, clears: bool) -> Result<vk::RenderPass> {
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
     let (load, layout) = match clears {
         true => (vk::AttachmentLoadOp::CLEAR, vk::ImageLayout::UNDEFINED),
@@ -66,9 +66,7 @@ fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
         .final_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
     let layout = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
     let colours = [0, 1].map(|attachment| vk::AttachmentReference { attachment, layout });
-    let subpasses = [vk::SubpassDescription::default()
-        .pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)
-        .color_attachments(&colours)];
+    let subpass = vk::SubpassDescription::default().color_attachments(&colours);
     let blend = Access::COLOR_ATTACHMENT_READ | Access::COLOR_ATTACHMENT_WRITE;
     // Layouts change between the barriers before the pass, which end in this stage, and those after it, which begin
     // with this stage or with the stages of draws.
@@ -85,11 +83,7 @@ fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
             .dst_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT | Stage::VERTEX_SHADER)
             .dst_access_mask(blend | Access::SHADER_READ),
     ];
-    let attachments = [attachment; 2];
-    let info =
-        vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(&subpasses).dependencies(&dependencies);
-    // SAFETY: the device is alive; everything referred to is in `info`.
-    unsafe { device.raw.create_render_pass(&info, None) }.map_err(Error::vulkan("vkCreateRenderPass"))
+    render_pass(device, &[attachment; 2], &subpass, &dependencies)
 }
 
 /// The displacement textures of an instance: layer 0 is positions, layer 1 normals.
@@ -119,7 +113,7 @@ impl BlendPasses {
         (1..).zip(images).for_each(|(binding, image)| write_image(device, sets.get(0), binding, image.views[0]));
         // From here on, dropping `passes` destroys the objects made so far.
         let mut passes =
-            Self { loading: render_pass(device, false)?, kernel, mesh: mesh.clone(), displacements: vec![], sets };
+            Self { loading: blending(device, false)?, kernel, mesh: mesh.clone(), displacements: vec![], sets };
         let (name, size) =
             (format!("deltamorph displacements of mesh '{}'", mesh.layout.name), Textures::of(mesh).size);
         let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::SAMPLED;
@@ -127,15 +121,8 @@ impl BlendPasses {
         for _ in 0..context.desc.instances {
             let mut image = Image::new(device, &name, &desc)?;
             let (view, layers) = (image.view(0..2, true)?, [image.view(0..1, false)?, image.view(1..2, false)?]);
-            let info = vk::FramebufferCreateInfo::default()
-                .render_pass(passes.loading)
-                .attachments(&layers)
-                .width(size[0])
-                .height(size[1])
-                .layers(1);
             // SAFETY: the render pass and the views are ours and alive, of the same format and size.
-            let framebuffer =
-                unsafe { device.raw.create_framebuffer(&info, None) }.map_err(Error::vulkan("vkCreateFramebuffer"))?;
+            let framebuffer = unsafe { framebuffer(device, passes.loading, &layers, size) }?;
             passes.displacements.push(Displacements { _image: image, view, framebuffer });
         }
         Ok(passes)

@@ -17,7 +17,7 @@ pub enum SuiteChoice {
     Techniques,
     /// Forty faces of four rigs of up to 23,735 vertices and 319 targets, each at another frame of a clip
     Faces,
-    /// Every technique on captured clips: those of INPUT, or of the data sets in DELTAMORPH_DATA
+    /// Every technique on the clips of INPUT
     Clips,
     /// All of these
     All,

@@ -40,7 +40,8 @@ pub fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
     move |result| failure(Error::vulkan(call)(result))
 }
 
-fn failure(error: Error) -> Failure {
+/// The failure of what the window needs.
+pub fn failure(error: Error) -> Failure {
     match error {
         Error::OutOfMemory { what, .. } => {
             Failure::Failed(format!("{what}; free memory, or use a smaller mesh or window"))

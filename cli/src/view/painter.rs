@@ -1,14 +1,14 @@
 //! Draws the panel over the picture.
 
-use super::device::{Device, failed};
+use super::device::{Device, failed, failure};
 use crate::output::Failure;
 use deltamorph::ash::vk;
+use deltamorph_headless::{framebuffer, render_pass};
 use deltamorph_render::Target;
 use egui::{ClippedPrimitive, FullOutput, TextureId};
 use egui_ash_renderer::allocator::DefaultAllocator;
 use egui_ash_renderer::{Options, RenderMode, Renderer};
 use std::rc::Rc;
-use std::slice::from_ref;
 use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
 
 /// Draws egui's output over a target. One frame is drawn at a time.
@@ -68,7 +68,7 @@ impl Painter {
             .final_layout(copied)];
         let layout = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
         let colour = [vk::AttachmentReference { attachment: 0, layout }];
-        let subpasses = [vk::SubpassDescription::default().color_attachments(&colour)];
+        let subpass = vk::SubpassDescription::default().color_attachments(&colour);
         let written = vk::SubpassDependency::default()
             .src_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT)
             .src_access_mask(Access::COLOR_ATTACHMENT_WRITE);
@@ -82,25 +82,20 @@ impl Painter {
                 .dst_stage_mask(Stage::TRANSFER)
                 .dst_access_mask(Access::TRANSFER_READ),
         ];
-        let info = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(&subpasses);
-        // SAFETY: the device is alive; `drop` destroys the pass.
-        let pass = unsafe { self.device.raw().create_render_pass(&info.dependencies(&dependencies), None) };
-        self.pass = pass.map_err(failed("vkCreateRenderPass"))?;
+        let device = self.device.headless.engine().device();
+        self.pass = render_pass(device, &attachments, &subpass, &dependencies).map_err(failure)?;
         Ok(())
     }
 
     /// Draws over `target` from now on.
     pub fn set_target(&mut self, target: &Target) -> Result<(), Failure> {
         let [width, height] = target.size();
-        let view = target.image().1;
-        let info = vk::FramebufferCreateInfo::default().render_pass(self.pass).attachments(from_ref(&view));
-        let info = info.width(width).height(height).layers(1);
         self.extent = vk::Extent2D { width, height };
-        let device = self.device.raw();
+        let device = self.device.headless.engine().device();
         // SAFETY: the view is alive, and of the pass's format; no frame is being drawn into the old framebuffer.
         unsafe {
-            device.destroy_framebuffer(std::mem::take(&mut self.framebuffer), None);
-            self.framebuffer = device.create_framebuffer(&info, None).map_err(failed("vkCreateFramebuffer"))?;
+            device.raw.destroy_framebuffer(std::mem::take(&mut self.framebuffer), None);
+            self.framebuffer = framebuffer(device, self.pass, &[target.image().1], [width, height]).map_err(failure)?;
         }
         Ok(())
     }

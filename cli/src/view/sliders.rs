@@ -11,14 +11,14 @@ const NAME: f32 = 0.43;
 const NUMBER: f32 = 54.0;
 
 pub fn list(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
-    if state.names.is_empty() {
+    if state.values.is_empty() {
         ui.label(RichText::new("This mesh has no morph targets.").color(DIM));
         return;
     }
     if ui.button("Reset").on_hover_text("all weights 0").clicked() {
         done.push(Command::Reset);
     }
-    for target in 0..state.names.len() {
+    for target in 0..state.values.len() {
         // Rows that are not in sight are left out: the others keep their ids, and the keyboard its place.
         ui.push_id(target, |ui| row(ui, state, target, done));
     }
@@ -26,7 +26,7 @@ pub fn list(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
 
 /// Name, slider and number of a target.
 fn row(ui: &mut Ui, state: &State, target: usize, done: &mut Vec<Command>) {
-    let full = &state.names[target];
+    let full = &state.input.kept.targets[target].name;
     let value = state.values[target];
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
     // The next ones are there, too, for the keyboard to go to.

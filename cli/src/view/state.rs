@@ -14,8 +14,7 @@ const STAYS: f64 = 10.0;
 /// The mesh, weights, clip, and view.
 pub struct State {
     pub input: Input,
-    /// Names of the targets.
-    pub names: Vec<String>,
+    /// Weights of the targets.
     pub values: Vec<f32>,
     pub clip: Option<BoundClip>,
     /// Clips to choose from, and the chosen one.
@@ -44,17 +43,15 @@ impl State {
         let first = named.or(input.clips.first().map(PathBuf::as_path));
         let clip = input.clips(first, &[])?.pop();
         input.pose(&args.set)?; // counts among the largest weights
-        let names: Vec<String> = input.targets().into_iter().map(str::to_owned).collect();
         let mut clips = input.clips.clone();
         let chosen = named.map(Path::to_path_buf).or_else(|| clips.first().cloned());
         clips.extend(chosen.clone().filter(|chosen| !clips.contains(chosen)));
-        let mut values = vec![0.0; names.len()];
+        let mut values = vec![0.0; input.kept.targets.len()];
         for (target, weight) in input.held(&args.set)? {
             values[target] = weight;
         }
         Ok(Self {
             values,
-            names,
             input,
             clip,
             clips,

@@ -192,14 +192,11 @@ fn a_report_is_replaced_when_the_new_one_is_complete() {
 /// Suites check all their inputs before they measure.
 #[test]
 fn a_clip_that_cannot_be_read_costs_no_measurement() {
-    let suites = ["bench", "--suite", "techniques,clips", "--vertices", "100", "--targets", "3", "--no-report"];
-    let run = Command::new(env!("CARGO_BIN_EXE_deltamorph"))
-        .args(suites)
-        .env("DELTAMORPH_DATA", "/nonexistent")
-        .output()
-        .unwrap();
+    let (home, dir) = sample();
+    home.file("head/weights/bad.csv", "eyeBlinkLeft\ninf\n");
+    let run = crate::cli::deltamorph(&["bench", &dir, "--suite", "techniques,clips", "--no-report"]);
     let text = String::from_utf8(run.stderr).unwrap();
-    assert!(run.status.code() == Some(1) && text.contains("DELTAMORPH_DATA: /nonexistent: cannot read"), "{text}");
+    assert!(run.status.code() == Some(1) && text.contains("bad.csv"), "{text}");
     assert!(run.stdout.is_empty());
 }
 

@@ -171,7 +171,7 @@ fn faces_of_four_rigs_are_one_scene() {
 }
 
 #[test]
-fn clips_come_from_the_input_or_from_the_data_sets() {
+fn clips_come_from_the_input() {
     let (folder, dir) = sample();
     let brief =
         ["--device", "llvmpipe", "--frames", "4", "--time-limit", "0.2", "--paths", "compute,blocks,cpu", "--quiet"];

@@ -21,8 +21,8 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let input = input::load(&args.input, false, out)?;
     let mut session = Session::open(args, device, &input, SECONDS, out)?;
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
-    // Checked before anything is measured: an unusable data set must not cost earlier measurements.
-    let clips = if asked(SuiteChoice::Clips) { scenes::captured(&mut session)? } else { vec![] };
+    // Checked before anything is measured: an unusable clip must not cost earlier measurements.
+    let clips = if asked(SuiteChoice::Clips) { scenes::captured(&mut session, input)? } else { vec![] };
     if asked(SuiteChoice::Crowd) {
         let [kept, many] = [scenes::kept(&session)?, scenes::many(&session)?];
         session.suite("crowd", "One head and many");

@@ -140,41 +140,14 @@ pub fn faces(session: &mut Session<'_>) -> Result<Vec<Scene>, Failure> {
     Ok(vec![(inputs, vec![(workloads, format!("a clip of {ANIMATED} columns"))])])
 }
 
-/// The clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA.
-pub fn captured(session: &mut Session<'_>) -> Result<Vec<Scene>, Failure> {
-    let mut list = vec![];
-    for set in sets(session)? {
-        let args = InputArgs { input: Some(set), head: HeadArgs::default(), ..session.args.input.clone() };
-        let input = input::load(&args, false, session.out)?;
-        let read = |path: &PathBuf| input.clip(path, &[]).map(|clip| (vec![Workload::clip(&clip)], clip.name.clone()));
-        let works = input.clips.iter().map(read).collect::<Result<_, _>>()?;
-        list.push((vec![input], works));
-    }
-    Ok(list)
-}
-
-/// The folders with clips; if there are none, the skipped entries say why.
-fn sets(session: &mut Session<'_>) -> Result<Vec<PathBuf>, Failure> {
-    let has_clips = |folder: &PathBuf| folder.join("neutral.obj").is_file() && folder.join("weights").is_dir();
-    let (sets, reason) = match (&session.args.input.input, std::env::var_os("DELTAMORPH_DATA")) {
-        (Some(input), _) => (vec![input.clone()], format!("{} has no clip in weights/*.csv", input.display())),
-        (None, Some(root)) => {
-            let root = PathBuf::from(root);
-            let entries = std::fs::read_dir(&root).and_then(|entries| entries.map(|e| Ok(e?.path())).collect());
-            let mut sets: Vec<PathBuf> = entries.map_err(|e| {
-                let root = root.display();
-                Failure::Failed(format!("DELTAMORPH_DATA: {root}: cannot read the folder: {e}; name the unpacked sets"))
-            })?;
-            sets.sort();
-            (sets, format!("no folder of DELTAMORPH_DATA ({}) has neutral.obj and weights/*.csv", root.display()))
-        }
-        (None, None) => {
-            (vec![], "give INPUT with weights/*.csv, or set DELTAMORPH_DATA to a folder of such folders".into())
-        }
-    };
-    let sets: Vec<PathBuf> = sets.into_iter().filter(has_clips).collect();
-    if sets.is_empty() {
+/// The clips of INPUT.
+pub fn captured(session: &mut Session<'_>, input: Input) -> Result<Vec<Scene>, Failure> {
+    let read = |path: &PathBuf| input.clip(path, &[]).map(|clip| (vec![Workload::clip(&clip)], clip.name.clone()));
+    let works: Vec<_> = input.clips.iter().map(read).collect::<Result<_, _>>()?;
+    if works.is_empty() {
+        let reason = format!("{} has no clip; give INPUT with weights/*.csv or animations of weights", input.origin);
         session.skip(Skipped { what: "suite clips".into(), reason });
+        return Ok(vec![]);
     }
-    Ok(sets)
+    Ok(vec![(vec![input], works)])
 }
