@@ -13,6 +13,7 @@
 
 #[allow(unsafe_code)]
 mod attached;
+mod context;
 mod normals;
 mod output;
 #[allow(unsafe_code)]
@@ -21,12 +22,12 @@ mod pieces;
 mod skin;
 mod steps;
 
+pub(crate) use context::TargetContext;
 #[doc(hidden)]
 pub use normals::normals;
 pub use normals::{GpuNormals, NormalsTarget};
-pub use output::{Joints, OutputTarget, OutputView};
-pub(crate) use pass::TargetContext;
+pub use output::{OutputTarget, OutputView};
 #[doc(hidden)]
 pub use skin::skin;
-pub use skin::{GpuSkin, SkinDesc, SkinMethod};
+pub use skin::{GpuSkin, Joints, SkinDesc, SkinMethod};
 pub(crate) use steps::After;

@@ -1,7 +1,6 @@
 //! Targets of the pass that writes poses, and output buffers of the application.
 
-use super::pass::{Reads, TargetContext};
-use super::skin::{GpuSkin, SkinMethod, Skinned};
+use super::skin::Joints;
 use crate::error::{Result, ensure};
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
@@ -44,35 +43,6 @@ impl OutputTarget<'_> {
         let Self { stride, normals: second, .. } = *self;
         let outputs = [Some((self.buffer, self.offset)), self.second].into_iter().flatten();
         outputs.map(|(buffer, offset)| Output { buffer, offset, stride, second }).collect()
-    }
-
-    pub(super) fn reads(&self, context: &TargetContext<'_>) -> Result<(Reads, u32)> {
-        let Some(joints) = &self.joints else { return Ok((Reads::Nothing, 0)) };
-        let (skinned, at) = Skinned::new(joints, context)?;
-        Ok((Reads::Skin(skinned), at))
-    }
-}
-
-/// The joints of an instance.
-#[derive(Clone, Copy)]
-pub struct Joints<'a> {
-    /// The skin of the mesh.
-    pub skin: &'a GpuSkin,
-    /// The buffer of joints, with storage buffer usage.
-    pub buffer: vk::Buffer,
-    /// Bytes of that buffer, from its start, that contain joints.
-    pub bytes: u64,
-    /// Byte offset of the instance's first joint, a multiple of 16, until
-    /// [`Crowd::set_joints`](crate::Crowd::set_joints) sets another.
-    pub offset: u64,
-    /// Blending method, which determines the layout of joints.
-    pub method: SkinMethod,
-}
-
-impl<'a> Joints<'a> {
-    /// Linear blending of matrices in the first `bytes` bytes of `buffer`.
-    pub fn new(skin: &'a GpuSkin, buffer: vk::Buffer, bytes: u64) -> Self {
-        Self { skin, buffer, bytes, offset: 0, method: SkinMethod::Linear }
     }
 }
 

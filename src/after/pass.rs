@@ -1,7 +1,8 @@
 //! The device side of a post-morph pass of one instance: its kernel, what it binds, and its push constants.
 
-use super::normals::Surface;
-use super::output::Output;
+use super::context::TargetContext;
+use super::normals::{GpuNormals, Surface};
+use super::output::{Output, OutputTarget};
 use super::pieces::Pieces;
 use super::skin::{SkinMethod, Skinned};
 use crate::abi::modules::{Kernel, NORMALS, OUTPUT, OUTPUT_DUAL, OUTPUT_SKIN};
@@ -10,13 +11,11 @@ use crate::abi::push::AfterPush;
 use crate::asset::streams::TRIPLE;
 use crate::error::{Result, ensure};
 use crate::gpu::descriptors::{BufferRange, Sets};
-use crate::gpu::device::Device;
 use crate::gpu::memory::Ring;
-use crate::gpu::pipelines::{Kernels, Objects, PipelineKey, Pipelines, Workgroups};
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
 use crate::pack::vertex::OffsetConstants;
-use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
+use crate::pack::{DeltaFormat, PoseFormat};
 use crate::plan::steps::{Source, Work};
-use crate::update::technique::PoseGroup;
 use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
@@ -29,6 +28,26 @@ pub(super) enum Reads {
 }
 
 impl Reads {
+    /// What the pass of an output target reads, and the index of the first vector of joints.
+    ///
+    /// # Errors
+    /// Those of [`Skinned::new`].
+    pub fn of_output(target: &OutputTarget<'_>, context: &TargetContext<'_>) -> Result<(Self, u32)> {
+        let Some(joints) = &target.joints else { return Ok((Self::Nothing, 0)) };
+        let (skinned, at) = Skinned::new(joints, context)?;
+        Ok((Self::Skin(skinned), at))
+    }
+
+    /// What the pass of a normals target reads, and the first word of its fans.
+    ///
+    /// # Errors
+    /// A surface of another engine, mesh or packing.
+    pub fn of_normals(normals: &GpuNormals, context: &TargetContext<'_>) -> Result<(Self, u32)> {
+        let surface = &normals.surface;
+        surface.attached.check("a surface", context.device, context.layout())?;
+        Ok((Self::Surface(surface.clone()), surface.attached.words_at()))
+    }
+
     /// The kernel, the influences of each vertex, and what is bound beside poses, list and output.
     fn bound(&self) -> (&'static Kernel, u32, Vec<BufferRange>) {
         match self {
@@ -152,30 +171,7 @@ impl Pass {
     }
 }
 
-pub(crate) struct TargetContext<'a> {
-    pub device: &'a Arc<Device>,
-    pub kernels: &'a Kernels,
-    /// The group of positions and normals.
-    pub group: &'a PoseGroup,
-    pub frames: u32,
-    pub instance: u32,
-}
-
 impl TargetContext<'_> {
-    pub(super) fn layout(&self) -> &PackedLayout {
-        &self.group.mesh.layout
-    }
-
-    /// Pieces of the mesh.
-    pub(super) fn pieces(&self) -> u32 {
-        (self.layout().vertex_count as u32).div_ceil(PIECE)
-    }
-
-    /// All slots of the instance.
-    fn poses(&self) -> BufferRange {
-        self.group.poses.range(self.instance, 1)
-    }
-
     /// Checks outputs and the room for joints; poses against the storage range; and pieces against the device's texels
     /// and workgroups. `what` names the target in errors.
     pub(super) fn check(&self, what: &str, outputs: &[Output], reads: &Reads) -> Result<()> {

@@ -1,8 +1,9 @@
 //! A crowd's targets of post-morph passes, and the planning of the passes.
 
+use super::context::TargetContext;
 use super::normals::{GpuNormals, NormalsTarget};
 use super::output::{Output, OutputTarget, OutputView};
-use super::pass::{Pass, Reads, TargetContext};
+use super::pass::{Pass, Reads};
 use super::pieces::Pieces;
 use crate::abi::numbers::PIECE;
 use crate::error::{Error, Result, refuse};
@@ -60,7 +61,13 @@ impl After {
     /// # Errors
     /// An invalid target or skin; no memory. Nothing changes then.
     pub fn set_output(&mut self, context: &TargetContext<'_>, target: &OutputTarget<'_>) -> Result<()> {
-        self.set(context, PostMorphPass::Output, "an output target", target.outputs(), target.reads(context)?)
+        self.set(
+            context,
+            PostMorphPass::Output,
+            "an output target",
+            target.outputs(),
+            Reads::of_output(target, context)?,
+        )
     }
 
     /// Sets the target for the normals of an instance.
@@ -74,7 +81,13 @@ impl After {
     ) -> Result<()> {
         let NormalsTarget { buffer, offset, stride } = *target;
         let output = Output { buffer, offset, stride, second: None };
-        self.set(context, PostMorphPass::Normals, "a normals target", vec![output], normals.reads(context)?)
+        self.set(
+            context,
+            PostMorphPass::Normals,
+            "a normals target",
+            vec![output],
+            Reads::of_normals(normals, context)?,
+        )
     }
 
     fn set(

@@ -2,7 +2,6 @@
 
 use super::fans::{Fans, Spread};
 use crate::after::attached::Attached;
-use crate::after::pass::{Reads, TargetContext};
 use crate::error::Result;
 use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
@@ -13,7 +12,7 @@ use std::sync::Arc;
 /// The surface of a mesh on the device; see [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals).
 /// Targets keep its buffers alive.
 pub struct GpuNormals {
-    surface: Arc<Surface>,
+    pub(in crate::after) surface: Arc<Surface>,
     staging: Option<Upload>,
 }
 
@@ -34,15 +33,6 @@ impl GpuNormals {
         // SAFETY: the caller's obligations.
         let (attached, upload) = unsafe { Attached::upload(device, cmd, mesh, "surface", (mesh.base(), &words)) }?;
         Ok(Self { surface: Arc::new(Surface { attached, spread }), staging: Some(upload) })
-    }
-
-    /// What a pass reads of it, and the first word of its fans.
-    ///
-    /// # Errors
-    /// A surface of another engine, mesh or packing.
-    pub(in crate::after) fn reads(&self, context: &TargetContext<'_>) -> Result<(Reads, u32)> {
-        self.surface.attached.check("a surface", context.device, context.layout())?;
-        Ok((Reads::Surface(self.surface.clone()), self.surface.attached.words_at()))
     }
 
     /// Frees the staging memory. Call it when the upload has finished, or if it will never run:

@@ -6,8 +6,7 @@ mod reference;
 mod weights;
 
 use super::attached::Attached;
-use super::output::Joints;
-use super::pass::TargetContext;
+use super::context::TargetContext;
 use crate::error::{Result, ensure};
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
@@ -50,6 +49,29 @@ impl GpuSkin {
     /// [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin) requires that.
     pub fn release_staging(&mut self) {
         self.staging = None;
+    }
+}
+
+/// The joints of an instance.
+#[derive(Clone, Copy)]
+pub struct Joints<'a> {
+    /// The skin of the mesh.
+    pub skin: &'a GpuSkin,
+    /// The buffer of joints, with storage buffer usage.
+    pub buffer: vk::Buffer,
+    /// Bytes of that buffer, from its start, that contain joints.
+    pub bytes: u64,
+    /// Byte offset of the instance's first joint, a multiple of 16, until
+    /// [`Crowd::set_joints`](crate::Crowd::set_joints) sets another.
+    pub offset: u64,
+    /// Blending method, which determines the layout of joints.
+    pub method: SkinMethod,
+}
+
+impl<'a> Joints<'a> {
+    /// Linear blending of matrices in the first `bytes` bytes of `buffer`.
+    pub fn new(skin: &'a GpuSkin, buffer: vk::Buffer, bytes: u64) -> Self {
+        Self { skin, buffer, bytes, offset: 0, method: SkinMethod::Linear }
     }
 }
 
