@@ -7,7 +7,7 @@ pub mod targets;
 #[path = "../../tests/common/testing.rs"]
 mod testing;
 
-pub use check::{check_error, check_pose, pack_and_update, update};
+pub use check::{check_error, pack_and_update, update};
 pub use random::Random;
 
 use rustix::time::{ClockId, clock_gettime};

@@ -36,4 +36,4 @@ macro_rules! replayed {
     };
 }
 
-replayed! { gltf dmorph obj csv meshopt planner capi }
+replayed! { gltf dmorph obj csv meshopt }
