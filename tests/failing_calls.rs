@@ -4,37 +4,13 @@
 use crate::prelude::*;
 use deltamorph::{ReadPose, Result};
 use deltamorph_failing::calls::ERRORS;
-use deltamorph_failing::{Control, NAME, enable};
+use deltamorph_failing::{arm, counts};
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
-use std::process::Command;
 use vk::Result as Vk;
 
 const TARGETS: usize = 8;
 const VERTICES: usize = 300;
-
-/// Runs a test in a process of its own in which the layer is loaded.
-fn with_layer(test: &str, body: impl FnOnce()) {
-    if std::env::var("VK_INSTANCE_LAYERS").is_ok_and(|layers| layers == NAME) {
-        return body();
-    }
-    let folder = tempfile::tempdir().expect("a folder");
-    let mut command = Command::new(std::env::current_exe().expect("a path to this test"));
-    let test = format!("{}::{test}", module_path!().split_once("::").expect("the program's name").1);
-    let output = enable(command.args([&test, "--exact", "--nocapture"]), folder.path()).output().expect("it starts");
-    let [said, out] = [output.stderr, output.stdout].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
-    assert!(output.status.success() && out.contains("1 passed"), "{}\n{out}{said}", output.status);
-    println!("{out}");
-}
-
-/// Opens lavapipe with the layer above it.
-fn device(validation: bool) -> (Headless, Control) {
-    let headless = gpu::device("llvmpipe", validation, None);
-    let (instance, _, device) = headless.handles();
-    // SAFETY: both are alive, and belong together.
-    let control = unsafe { Control::of(instance, device.handle()) };
-    (headless, control)
-}
 
 /// Returns the defect of an error about a call that returned `result`.
 fn wrong_with(error: &Error, call: &str, result: Vk) -> Option<String> {
@@ -59,7 +35,8 @@ fn wrong_with(error: &Error, call: &str, result: Vk) -> Option<String> {
 /// Operations that fail, and their objects.
 struct Lab<'a> {
     headless: &'a Headless,
-    control: &'a Control,
+    /// Its device, whose calls may fail.
+    device: ash::Device,
     failures: Cell<u32>,
     wrong: RefCell<BTreeSet<String>>,
 }
@@ -80,17 +57,17 @@ impl Lab<'_> {
             for at in 1.. {
                 let (mut state, mut failed) = (prepare(), false);
                 let done = self.headless.run(|cmd| {
-                    let alive = self.control.counts().alive;
-                    self.control.arm(&format!("*:{at}:{error:?}"));
+                    let alive = counts().alive;
+                    arm(&format!("*:{at}:{error:?}"));
                     let tried = operation(&mut state, cmd);
-                    let counts = self.control.counts();
-                    self.control.arm("");
+                    let counts = counts();
+                    arm("");
                     failed = counts.failed > 0;
-                    let what = format!("{name}, {} returns {error:?}", counts.call());
+                    let what = format!("{name}, {} returns {error:?}", counts.call);
                     match tried {
                         Err(e) if failed => {
                             self.failures.set(self.failures.get() + 1);
-                            let wrong = wrong_with(&e, counts.call(), error).map(|wrong| format!("{what}: {wrong}"));
+                            let wrong = wrong_with(&e, &counts.call, error).map(|wrong| format!("{what}: {wrong}"));
                             self.wrong.borrow_mut().extend(wrong);
                             // Finished kernels stay with the engine, for the next crowd.
                             let kernels = name.starts_with("create") || name.starts_with("set");
@@ -99,7 +76,7 @@ impl Lab<'_> {
                         }
                         // Lists that prefer device memory may be in host memory.
                         Ok(_) if failed => {
-                            assert!(["vkAllocateMemory", "vkMapMemory"].contains(&counts.call()), "{what}: nothing");
+                            assert!(["vkAllocateMemory", "vkMapMemory"].contains(&&*counts.call), "{what}: nothing");
                             tried
                         }
                         _ => tried,
@@ -114,8 +91,17 @@ impl Lab<'_> {
         println!("{name}: {} failures", self.failures.get() - before);
     }
 
+    fn try_engine(&self) -> Result<MorphEngine> {
+        let (instance, physical, _) = self.headless.handles();
+        let caps = self.headless.caps();
+        let desc = DeviceDesc { caps: Some(caps.clone()), ..DeviceDesc::new(instance, physical, &self.device) };
+        let desc = DeviceDesc { transform_feedback_enabled: caps.transform_feedback.is_some(), ..desc };
+        // SAFETY: the handles belong together, and outlive the engine, which goes before the test ends.
+        unsafe { MorphEngine::new(&desc) }
+    }
+
     fn engine(&self) -> MorphEngine {
-        engine(self.headless).expect("an engine")
+        self.try_engine().expect("an engine")
     }
 
     /// Updates a crowd, and compares its poses with the reference.
@@ -138,15 +124,6 @@ impl Lab<'_> {
         (0..).zip(&asked).for_each(|(i, weights)| crowd.set_weights(i, weights).expect("weights"));
         self.verify(engine, crowd, mesh, &asked);
     }
-}
-
-fn engine(headless: &Headless) -> Result<MorphEngine> {
-    let (instance, physical, device) = headless.handles();
-    let caps = headless.caps();
-    let desc = DeviceDesc { caps: Some(caps.clone()), ..DeviceDesc::new(instance, physical, device) };
-    let desc = DeviceDesc { transform_feedback_enabled: caps.transform_feedback.is_some(), ..desc };
-    // SAFETY: the handles belong together, and outlive the engine, which goes before the test ends.
-    unsafe { MorphEngine::new(&desc) }
 }
 
 fn weights(frame: usize) -> Vec<f32> {
@@ -178,32 +155,29 @@ fn kinds() -> [(&'static str, DeltaFormat, UpdateDesc); 4] {
 
 /// Runs `test` with the validation layer below, and checks that nothing leaks.
 fn in_lab(test: impl Fn(&Lab<'_>)) {
-    let (headless, control) = device(true);
-    let bare = control.counts().alive;
-    let lab = Lab { headless: &headless, control: &control, failures: Cell::new(0), wrong: RefCell::default() };
+    let headless = gpu::device("llvmpipe", true, None);
+    let (instance, _, device) = headless.handles();
+    // SAFETY: both are alive, and belong together; what an engine of the lab makes, it destroys.
+    let device = unsafe { deltamorph_failing::device(instance, device.handle()) };
+    let lab = Lab { headless: &headless, device, failures: Cell::new(0), wrong: RefCell::default() };
     test(&lab);
-    let counts = control.counts();
-    assert_eq!((counts.alive, counts.unknown), (bare, 0));
+    let counts = counts();
+    assert_eq!((counts.alive, counts.unknown), (0, 0));
     assert!(lab.failures.get() > 0);
     let messages = gpu::complaints(&headless);
     assert!(messages.is_empty(), "{}", messages.join("\n"));
-    assert_none(lab.wrong.into_inner());
+    let wrong: Vec<String> = lab.wrong.into_inner().into_iter().collect();
+    assert!(wrong.is_empty(), "{} wrong:\n{}", wrong.len(), wrong.join("\n"));
     println!("{} failures in all", lab.failures.get());
-}
-
-fn assert_none(wrong: BTreeSet<String>) {
-    assert!(wrong.is_empty(), "{} wrong:\n{}", wrong.len(), wrong.into_iter().collect::<Vec<_>>().join("\n"));
 }
 
 #[test]
 fn engines_meshes_and_crowds_are_made_or_not() {
-    with_layer("engines_meshes_and_crowds_are_made_or_not", || {
-        in_lab(|lab| {
-            lab.each("MorphEngine::new", || (), |(), _| engine(lab.headless), |(), _| ());
-            for (kind, format, update) in kinds() {
-                crowds(lab, kind, format, update);
-            }
-        });
+    in_lab(|lab| {
+        lab.each("MorphEngine::new", || (), |(), _| lab.try_engine(), |(), _| ());
+        for (kind, format, update) in kinds() {
+            crowds(lab, kind, format, update);
+        }
     });
 }
 
@@ -268,12 +242,10 @@ fn crowds(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
 
 #[test]
 fn steps_after_the_pose_are_set_or_not() {
-    with_layer("steps_after_the_pose_are_set_or_not", || {
-        in_lab(|lab| {
-            for (kind, format, update) in &kinds()[..2] {
-                steps(lab, kind, *format, *update);
-            }
-        });
+    in_lab(|lab| {
+        for (kind, format, update) in &kinds()[..2] {
+            steps(lab, kind, *format, *update);
+        }
     });
 }
 
@@ -325,7 +297,7 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
 
 #[test]
 fn animated_crowds_are_made_or_not() {
-    with_layer("animated_crowds_are_made_or_not", || in_lab(animated));
+    in_lab(animated);
 }
 
 fn animated(lab: &Lab<'_>) {

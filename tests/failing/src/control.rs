@@ -1,118 +1,55 @@
-//! The interface between the layer and the tests that link this crate.
+//! What tests that link this crate do with it.
 
-use crate::state::{Function, state};
-use ash::vk;
+use crate::layer::find;
+use crate::state::{Next, state};
+use ash::vk::{self, Handle as _};
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
-use std::ffi::{CStr, CString, c_char};
-use std::mem::transmute;
+use std::ffi::{CStr, c_void};
 use std::path::Path;
 use std::process::Command;
 
 /// The layer's name.
-pub const NAME: &str = "VK_LAYER_deltamorph_failing";
+const NAME: &str = "VK_LAYER_deltamorph_failing";
 
-/// Counts of the layer.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What has happened on devices so far.
+#[derive(Clone, Debug, Default)]
 pub struct Counts {
-    /// Calls that may fail.
-    pub calls: u64,
-    /// Calls that failed since the last [`Control::arm`].
+    /// Calls that failed since the last [`arm`].
     pub failed: u64,
+    /// The name of the last of them.
+    pub call: String,
     /// Destroyed handles that were not alive.
     pub unknown: u64,
     /// Live objects, without instances, devices, command buffers and descriptor sets.
     pub alive: u64,
-    /// Objects that were alive when their device or instance was destroyed.
-    pub leaked: u64,
-    /// The name of the call that failed last.
-    pub(crate) call: [u8; 64],
 }
 
-impl Default for Counts {
-    fn default() -> Self {
-        Self { calls: 0, failed: 0, unknown: 0, alive: 0, leaked: 0, call: [0; 64] }
-    }
-}
-
-impl Counts {
-    /// The name of the call that failed last.
-    pub fn call(&self) -> &str {
-        CStr::from_bytes_until_nul(&self.call).ok().and_then(|name| name.to_str().ok()).unwrap_or_default()
-    }
-}
-
-/// Controls the failures of the layer below an instance.
-pub struct Control {
-    arm: Arm,
-    read: Read,
-}
-
-type Arm = unsafe extern "system" fn(*const c_char);
-type Read = unsafe extern "system" fn(*mut Counts);
-
-impl Control {
-    /// Returns the control of the layer that a device was made through.
-    ///
-    /// # Panics
-    /// The layer is not there: see [`enable`].
-    ///
-    /// # Safety
-    /// The device is of this instance, and both are alive.
-    pub unsafe fn of(instance: &ash::Instance, device: vk::Device) -> Self {
-        let get = |name: &CStr| {
-            // SAFETY: the caller's obligation.
-            unsafe { instance.get_device_proc_addr(device, name.as_ptr()) }.expect("the layer, which is not there")
-        };
-        // SAFETY: functions of these names, from this crate, have these types.
-        unsafe {
-            Self {
-                arm: transmute::<Function, Arm>(get(c"failingArm")),
-                read: transmute::<Function, Read>(get(c"failingCounts")),
-            }
-        }
-    }
-
-    /// Sets the failure `CALL:N:ERROR[:TIMES]`, counted from now; an empty text sets none.
-    pub fn arm(&self, plan: &str) {
-        let plan = CString::new(plan).expect("no zeros");
-        // SAFETY: the layer stays loaded (build.rs); the text ends with a zero.
-        unsafe { (self.arm)(plan.as_ptr()) }
-    }
-
-    /// Returns the counts so far.
-    pub fn counts(&self) -> Counts {
-        let mut counts = Counts::default();
-        // SAFETY: as above; there is room for the counts.
-        unsafe { (self.read)(&mut counts) };
-        counts
-    }
-}
-
+/// Returns a device whose calls may fail, in this process and without the loader.
+///
 /// # Safety
-/// A text that ends with a zero.
-unsafe extern "system" fn arm(plan: *const c_char) {
-    // SAFETY: the caller's obligation.
-    let plan = unsafe { CStr::from_ptr(plan) };
-    state().arm(plan.to_str().expect("ASCII"));
-}
-
-/// # Safety
-/// There is room for the counts.
-unsafe extern "system" fn counts(room: *mut Counts) {
-    // SAFETY: the caller's obligation.
-    unsafe { *room = state().counts() }
-}
-
-/// Returns the functions that [`Control::of`] queries.
-pub(crate) fn function(name: &CStr) -> vk::PFN_vkVoidFunction {
-    let function = match name.to_bytes() {
-        b"failingArm" => arm as *const (),
-        b"failingCounts" => counts as *const (),
-        _ => return None,
+/// The device is of this instance, and outlives the returned one. Objects that one of the two has made are destroyed
+/// through it.
+pub unsafe fn device(instance: &ash::Instance, device: vk::Device) -> ash::Device {
+    let next = Next::Device(device, instance.fp_v1_0().get_device_proc_addr);
+    let load = |name: &CStr| {
+        // SAFETY: the device is alive.
+        unsafe { find(device.as_raw(), name.as_ptr()) }.map_or(std::ptr::null(), |found| found as *const c_void)
     };
-    // SAFETY: it is a function's address; the caller knows its type.
-    Some(unsafe { transmute::<*const (), Function>(function) })
+    // SAFETY: the caller's obligation; the functions found have the types of their names.
+    unsafe {
+        state().made(device.as_raw(), next);
+        ash::Device::load_with(load, device)
+    }
+}
+
+/// Sets the failure `CALL:N:ERROR[:TIMES]`, counted from now; an empty text sets none.
+pub fn arm(plan: &str) {
+    state().arm(plan);
+}
+
+/// Returns the counts so far.
+pub fn counts() -> Counts {
+    state().counts()
 }
 
 /// Makes a command load the layer, and writes the layer's manifest to `folder`, for a test program: cargo puts the

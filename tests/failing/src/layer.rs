@@ -1,7 +1,6 @@
 //! The Vulkan functions of the layer, and their lookup by the loader.
 #![allow(non_snake_case)] // functions have the names of their types
 
-use crate::control::function as control;
 use crate::state::{Function, Next, below, enter, fails, next, state};
 use ash::vk::{self, Handle as _};
 use std::ffi::{CStr, c_char, c_void};
@@ -326,7 +325,7 @@ pub(crate) const ALL: [&[&CStr]; 6] = [CALLS, OBJECTS, DESTROYED, PIPELINES, PAR
 ///
 /// # Safety
 /// `handle` is a live dispatchable handle, or 0; `name` is null-terminated.
-unsafe fn find(handle: u64, name: *const c_char) -> vk::PFN_vkVoidFunction {
+pub(crate) unsafe fn find(handle: u64, name: *const c_char) -> vk::PFN_vkVoidFunction {
     // SAFETY: the caller's obligation.
     let (name, next) = unsafe { (CStr::from_ptr(name), if handle == 0 { None } else { next(handle) }) };
     let all = [call, object, destroyed, pipeline, parent, entry];
@@ -334,7 +333,7 @@ unsafe fn find(handle: u64, name: *const c_char) -> vk::PFN_vkVoidFunction {
     // SAFETY: it is a function's address, and the caller knows its type by its name.
     let ours = ours.map(|ours| unsafe { transmute::<*const (), Function>(ours) });
     match next {
-        Some(next) => control(name).or_else(|| next.function(name).map(|below| ours.unwrap_or(below))),
+        Some(next) => next.function(name).map(|below| ours.unwrap_or(below)),
         None => ours,
     }
 }

@@ -7,7 +7,7 @@
 //! - `DELTAMORPH_FAIL_LOG=FILE`: the log of events, including each call, with a number for its call site. Without it
 //!   everything but the calls goes to stderr.
 //!
-//! Programs may choose at run time, with a [`Control`].
+//! Tests that link this crate choose with [`arm`], for a [`device`] that needs no layer.
 //!
 //! A lost device stays lost until it is destroyed; its work is waited for first. If a wait fails for lack of memory,
 //! the work goes on, as on any driver. Calls that need no instance never fail: layers do not see them.
@@ -18,4 +18,4 @@ mod layer;
 mod state;
 pub mod sweep;
 
-pub use control::{Control, Counts, NAME, enable};
+pub use control::{Counts, arm, counts, device, enable};

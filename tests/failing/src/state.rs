@@ -42,7 +42,7 @@ struct Plan {
 }
 
 impl Plan {
-    /// Parses the text of [`Control::arm`](crate::Control::arm).
+    /// Parses the text of [`arm`](crate::arm).
     fn parse(text: &str) -> Option<Self> {
         let mut parts = text.split(':');
         let call = parts.next()?.trim_start_matches('*').to_owned();
@@ -67,6 +67,9 @@ type Key = usize;
 
 pub(crate) struct State {
     plan: Option<Plan>,
+    /// Calls that may fail.
+    calls: u64,
+    /// Without the number of those alive.
     counts: Counts,
     next: BTreeMap<Key, Next>,
     /// Functions below the layer, queried when the instance or device was made: later the loader returns the layer's
@@ -84,7 +87,7 @@ static STATE: LazyLock<Mutex<State>> = LazyLock::new(|| {
     let plan = std::env::var("DELTAMORPH_FAIL").ok();
     let plan = plan.map(|text| Plan::parse(&text).expect("DELTAMORPH_FAIL=CALL:N:ERROR[:TIMES]"));
     let (counts, next, below, alive) = (Counts::default(), BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-    Mutex::new(State { plan, counts, next, below, lost: vec![], alive, log })
+    Mutex::new(State { plan, calls: 0, counts, next, below, lost: vec![], alive, log })
 });
 
 pub(crate) fn state() -> MutexGuard<'static, State> {
@@ -145,7 +148,7 @@ pub(crate) unsafe fn fails(call: &'static CStr, handle: u64) -> Option<vk::Resul
     let key = if handle == 0 { 0 } else { unsafe { key(handle) } };
     let call = call.to_str().expect("ASCII");
     let mut state = state();
-    state.counts.calls += 1;
+    state.calls += 1;
     if state.log.is_some() {
         let place = place();
         state.say(&format!("CALL {call} {place:x}"));
@@ -155,9 +158,8 @@ pub(crate) unsafe fn fails(call: &'static CStr, handle: u64) -> Option<vk::Resul
     }
     let error = state.plan.as_mut().and_then(|plan| plan.hits(call).then_some(plan.error))?;
     state.counts.failed += 1;
-    state.counts.call = [0; 64];
-    state.counts.call[..call.len()].copy_from_slice(call.as_bytes());
-    let text = format!("FAILED {call} {error:?}, call {}", state.counts.calls);
+    state.counts.call = call.to_owned();
+    let text = format!("FAILED {call} {error:?}, call {}", state.calls);
     state.say(&text);
     if error == vk::Result::ERROR_DEVICE_LOST && matches!(state.next.get(&key), Some(Next::Device(..))) {
         state.lost.push(key);
@@ -167,21 +169,21 @@ pub(crate) unsafe fn fails(call: &'static CStr, handle: u64) -> Option<vk::Resul
 
 impl State {
     fn say(&mut self, line: &str) {
-        // Written at once, so that a crash loses nothing. An error cannot be reported here.
-        let _ = match &mut self.log {
-            Some(file) => writeln!(file, "{line}"),
-            None => writeln!(std::io::stderr(), "deltamorph-failing: {line}"),
-        };
+        match &mut self.log {
+            // Written at once, so that a crash loses nothing. An error cannot be reported here.
+            Some(file) => _ = writeln!(file, "{line}"),
+            None => eprintln!("deltamorph-failing: {line}"),
+        }
     }
 
-    /// See [`Control::arm`](crate::Control::arm).
+    /// See [`arm`](crate::arm).
     pub(crate) fn arm(&mut self, plan: &str) {
         self.plan = (!plan.is_empty()).then(|| Plan::parse(plan).expect("CALL:N:ERROR[:TIMES]"));
         self.counts.failed = 0;
     }
 
     pub(crate) fn counts(&self) -> Counts {
-        Counts { alive: self.alive.len() as u64, ..self.counts }
+        Counts { alive: self.alive.len() as u64, ..self.counts.clone() }
     }
 
     /// # Safety
@@ -207,7 +209,6 @@ impl State {
         self.below.retain(|(of, _), _| *of != key);
         self.lost.retain(|lost| *lost != key);
         let left: Vec<_> = self.alive.iter().filter(|(_, (owner, _))| *owner == key).map(|(k, v)| (*k, *v)).collect();
-        self.counts.leaked += left.len() as u64;
         for ((kind, handle), (_, call)) in left {
             self.alive.remove(&(kind, handle));
             self.say(&format!("LEAKED {kind}, made after call {call}"));
@@ -219,7 +220,7 @@ impl State {
     /// `owner` is a dispatchable handle that is alive.
     pub(crate) unsafe fn born(&mut self, kind: &'static str, handle: u64, owner: u64) {
         // SAFETY: the caller's obligation.
-        self.alive.insert((kind, handle), (unsafe { key(owner) }, self.counts.calls));
+        self.alive.insert((kind, handle), (unsafe { key(owner) }, self.calls));
     }
 
     /// Removes an object; returns whether it was alive, since others are not passed on. Null never is.
