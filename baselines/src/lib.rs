@@ -24,7 +24,6 @@ mod texture;
 mod vertex_store;
 
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::push::Layout;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
 use deltamorph::internals::update::dense::technique::DenseTechnique;
@@ -33,17 +32,6 @@ use deltamorph::{Error, PackedMesh, Result, UpdatePath};
 pub use paths::{DIRECT, DIRECT_ATTRIBUTES, PATHS, SCATTER, TEXTURE, VERTEX_STORE};
 use std::any::Any;
 use std::sync::Arc;
-
-/// Push constants by kernel, which tests compare with the shaders.
-#[doc(hidden)]
-pub const PUSH_CONSTANTS: &[(&str, Layout)] = &[
-    ("scatter", scatter::ScatterPush::LAYOUT),
-    ("resolve", scatter::ResolvePush::LAYOUT),
-    ("direct", direct::DirectPush::LAYOUT),
-    ("rectangles", texture::RectanglesPush::LAYOUT),
-    ("texels", texture::RectanglesPush::LAYOUT),
-    ("textured", texture::TexturedPush::LAYOUT),
-];
 
 /// The techniques to pass to [`MorphEngine::set_techniques`](deltamorph::MorphEngine::set_techniques).
 pub static TECHNIQUES: Techniques = Techniques { make, upload };

@@ -60,7 +60,7 @@ impl Reading {
     pub(super) fn read(&self, cmd: vk::CommandBuffer) {
         let push = ReadPush { count: (self.bytes / 16) as u32, stride: INVOCATIONS };
         let workgroups = Workgroups::Of([INVOCATIONS / WORKGROUP, 1]);
-        // SAFETY: recording; pipeline, layout and set are ours and fit each other (tests/project/spirv.rs).
+        // SAFETY: recording; pipeline, layout and set are ours and fit each other.
         unsafe { self.objects.dispatch(cmd, 0, (self.sets.get(0), &[]), bytemuck::bytes_of(&push), workgroups) };
     }
 }

@@ -3,7 +3,7 @@
 //! A row is a GLSL source with its defines. build.rs compiles one module per row and supported format (and per number
 //! of targets, if they are vertex attributes) and generates a `static` per row, which [`modules`](super::modules)
 //! includes. The row describes what a pipeline needs (descriptors, push constants, specialization constants);
-//! `tests/project/spirv.rs` compares it with the modules' declarations.
+//! the validation layers compare it with the modules' declarations.
 //!
 //! build.rs includes this file, so it is plain data that depends only on [`formats`](super::formats).
 
@@ -64,14 +64,10 @@ pub const fn batch_max(format: &FormatRow) -> u32 {
 /// Type of a descriptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Buffer {
-    /// A storage buffer with elements of this many bytes.
-    Storage(u32),
+    /// A storage buffer.
+    Storage,
     /// A storage buffer with a dynamic offset.
-    Dynamic(u32),
-    /// A storage buffer of poses, with elements that suit the pose format.
-    Poses,
-    /// Deltas of a dense format, with a dynamic offset.
-    DynamicDeltas,
+    Dynamic,
     /// A read-only texel buffer of this `VkFormat`.
     UniformTexels(i32),
     /// A read-write texel buffer of this `VkFormat`.
@@ -153,25 +149,28 @@ const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
 const OUTPUT: KernelRow = KernelRow {
     name: "output",
     poses: true,
-    bindings: &[(0, WORDS), (1, WORD_LIST), (2, WORDS)],
+    bindings: &[(0, Buffer::Storage), (1, WORD_LIST), (2, Buffer::Storage)],
     push_bytes: 64,
     offsets: true,
     ..COMPUTE
 };
 /// The same, skinned: then influences, joints. Specialization constant: influences per vertex.
 const SKINNED: KernelRow = KernelRow {
-    bindings: &[(0, WORDS), (1, WORD_LIST), (2, WORDS), (3, WORDS), (4, Buffer::Storage(16))],
+    bindings: &[(0, Buffer::Storage), (1, WORD_LIST), (2, Buffer::Storage), (3, Buffer::Storage), (4, Buffer::Storage)],
     constants: 1,
     ..OUTPUT
 };
 /// Tables, state, work list, control: see animation.glsl.
-const ANIMATION: KernelRow =
-    KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push_bytes: 116, ..COMPUTE };
+const ANIMATION: KernelRow = KernelRow {
+    bindings: &[(0, Buffer::Storage), (1, Buffer::Storage), (2, Buffer::Storage), (3, Buffer::Storage)],
+    push_bytes: 116,
+    ..COMPUTE
+};
 /// Source, destination, deltas. The set's fourth buffer is for `dense_list`.
 const DENSE: KernelRow = KernelRow {
     name: "dense",
     takes: Takes::Dense,
-    bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas)],
+    bindings: &[(0, Buffer::Storage), (1, Buffer::Storage), (2, Buffer::Dynamic)],
     aliased: &[0, 1],
     push_bytes: 116,
     constants: 1,
@@ -184,7 +183,7 @@ const CROWD: KernelRow = KernelRow {
     stage: Stage::ComputeSized,
     takes: Takes::Blocks,
     poses: true,
-    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
+    bindings: &[(0, Buffer::Storage), (1, Buffer::Storage), (2, Buffer::Storage), (3, Buffer::Storage)],
     push_bytes: 32,
     constants: 5,
     offsets: true,
@@ -194,7 +193,7 @@ const CROWD: KernelRow = KernelRow {
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
     takes: Takes::Dense,
-    bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8))],
+    bindings: &[(0, Buffer::Dynamic), (1, Buffer::Dynamic)],
     push_bytes: 16,
     baseline: true,
     ..VERTEX
@@ -202,15 +201,13 @@ const DIRECT: KernelRow = KernelRow {
 /// A draw of baseline `texture`: texels of vertices, displacement textures.
 const TEXTURED: KernelRow = KernelRow {
     name: "textured",
-    bindings: &[(0, WORDS), (2, Buffer::Image)],
+    bindings: &[(0, Buffer::Storage), (2, Buffer::Image)],
     push_bytes: 8,
     baseline: true,
     ..VERTEX
 };
 const ATTRIBUTES: KernelRow = KernelRow { takes: Takes::DenseBatches, ..VERTEX };
 
-const WORDS: Buffer = Buffer::Storage(4);
-const PAIRS: Buffer = Buffer::Storage(8);
 /// R32G32B32A32_UINT.
 const WORD_TEXELS: Buffer = Buffer::UniformTexels(107);
 /// R32_UINT.
@@ -222,23 +219,18 @@ pub const KERNELS: &[KernelRow] = &[
     // Measurements.
     KernelRow { name: "consume", poses: true, ..VERTEX },
     KernelRow { name: "consume_position", poses: true, ..VERTEX },
-    KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push_bytes: 8, ..COMPUTE },
+    KernelRow { name: "read", bindings: &[(0, Buffer::Storage), (1, Buffer::Storage)], push_bytes: 8, ..COMPUTE },
     // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that
     // sample 32 targets; the widest tile.
     KernelRow { name: "animate", constants: 1, ..ANIMATION },
     KernelRow { name: "plan", constants: 1, ..ANIMATION },
-    KernelRow {
-        name: "plan_together",
-        bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS)],
-        constants: 1,
-        ..ANIMATION
-    },
+    KernelRow { name: "plan_together", constants: 1, ..ANIMATION },
     KernelRow { name: "arguments", constants: 1, ..ANIMATION },
     // Passes over dense deltas.
     DENSE,
     KernelRow {
         name: "dense_list",
-        bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(12))],
+        bindings: &[(0, Buffer::Storage), (1, Buffer::Storage), (2, Buffer::Dynamic), (3, Buffer::Dynamic)],
         push_bytes: 12,
         constants: 0,
         ..DENSE
@@ -249,7 +241,7 @@ pub const KERNELS: &[KernelRow] = &[
     // The same for software drivers. Poses are bound twice: as pairs of words for stores, as texels for loads.
     KernelRow {
         name: "crowd_texels",
-        bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, WORD_TEXELS)],
+        bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, Buffer::Storage), (3, POSE_TEXELS), (4, WORD_TEXELS)],
         aliased: &[2, 3],
         constants: 4,
         offsets: false,
@@ -260,23 +252,27 @@ pub const KERNELS: &[KernelRow] = &[
     KernelRow { suffix: "skin", defines: &["SKIN"], ..SKINNED },
     KernelRow { suffix: "dual", defines: &["SKIN", "DUAL"], ..SKINNED },
     // Base pose and fans are its fourth buffer.
-    KernelRow { name: "normals", bindings: &[(0, WORDS), (1, WORD_LIST), (2, WORDS), (3, WORDS)], ..OUTPUT },
+    KernelRow {
+        name: "normals",
+        bindings: &[(0, Buffer::Storage), (1, WORD_LIST), (2, Buffer::Storage), (3, Buffer::Storage)],
+        ..OUTPUT
+    },
     // Baselines. The set of `scatter` and `resolve`: records, sums, base pose, destination.
     KernelRow {
         name: "scatter",
-        bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
+        bindings: &[(0, Buffer::Storage), (1, Buffer::Storage)],
         push_bytes: 12,
         baseline: true,
         ..COMPUTE
     },
     KernelRow {
         name: "resolve",
-        bindings: &[(1, WORDS), (2, PAIRS), (3, PAIRS)],
+        bindings: &[(1, Buffer::Storage), (2, Buffer::Storage), (3, Buffer::Storage)],
         push_bytes: 12,
         baseline: true,
         ..COMPUTE
     },
-    KernelRow { name: "vertex_store", bindings: &[(0, PAIRS)], baseline: true, ..ATTRIBUTES },
+    KernelRow { name: "vertex_store", bindings: &[(0, Buffer::Storage)], baseline: true, ..ATTRIBUTES },
     KernelRow { name: "direct_attributes", baseline: true, ..ATTRIBUTES },
     DIRECT,
     // The same draw with its result captured, in the two ways that devices support.
@@ -284,11 +280,11 @@ pub const KERNELS: &[KernelRow] = &[
     KernelRow {
         suffix: "store",
         defines: &["STORE"],
-        bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8)), (2, PAIRS)],
+        bindings: &[(0, Buffer::Dynamic), (1, Buffer::Dynamic), (2, Buffer::Storage)],
         ..DIRECT
     },
     // Rectangles of texels that a target moves, and its deltas to blend there.
-    KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push_bytes: 20, baseline: true, ..VERTEX },
+    KernelRow { name: "rectangles", bindings: &[(0, Buffer::Storage)], push_bytes: 20, baseline: true, ..VERTEX },
     KernelRow {
         name: "texels",
         stage: Stage::Fragment,
@@ -303,7 +299,7 @@ pub const KERNELS: &[KernelRow] = &[
     KernelRow {
         suffix: "store",
         defines: &["STORE"],
-        bindings: &[(0, WORDS), (1, PAIRS), (2, Buffer::Image)],
+        bindings: &[(0, Buffer::Storage), (1, Buffer::Storage), (2, Buffer::Image)],
         ..TEXTURED
     },
 ];

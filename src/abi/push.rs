@@ -4,10 +4,7 @@ use super::formats::FormatRow;
 use super::numbers::DENSE_BATCH_MAX;
 use crate::asset::streams::TRIPLES;
 
-/// Names and offsets of a structure's members, and its size in bytes.
-pub type Layout = (&'static [(&'static str, usize)], usize);
-
-/// Declares a structure that a shader reads: its members in order, and `LAYOUT`, which tests compare with the shader.
+/// Declares a structure that a shader reads, with its members in order.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! shader_structure {
@@ -17,12 +14,6 @@ macro_rules! shader_structure {
         #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
         #[allow(missing_docs, reason = "many fields are what they are called")]
         pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
-
-        impl $name {
-            /// Members and size.
-            pub const LAYOUT: (&[(&str, usize)], usize) =
-                (&[$((stringify!($field), std::mem::offset_of!($name, $field))),*], size_of::<$name>());
-        }
     };
 }
 
@@ -143,21 +134,6 @@ shader_structure! {
         reads_at: u32,
     }
 }
-
-/// Push constants by kernel, which tests compare with the shaders; those of vertex passes follow from their targets.
-pub const PUSH_CONSTANTS: &[(&str, Layout)] = &[
-    ("read", ReadPush::LAYOUT),
-    ("animate", AnimationPush::LAYOUT),
-    ("plan", AnimationPush::LAYOUT),
-    ("plan_together", AnimationPush::LAYOUT),
-    ("arguments", AnimationPush::LAYOUT),
-    ("dense", DensePush::LAYOUT),
-    ("dense_list", DenseListPush::LAYOUT),
-    ("crowd", BlocksPush::LAYOUT),
-    ("crowd_texels", BlocksPush::LAYOUT),
-    ("output", AfterPush::LAYOUT),
-    ("normals", AfterPush::LAYOUT),
-];
 
 /// Bytes of push constants of a vertex pass over `batch` targets: a float each and, if the format has exponents, a
 /// signed byte each, padded to words.

@@ -38,8 +38,8 @@ impl BufferRange {
 /// Returns the descriptor type of a buffer that a kernel declares.
 pub fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
     match buffer {
-        Buffer::Storage(_) | Buffer::Poses => vk::DescriptorType::STORAGE_BUFFER,
-        Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
+        Buffer::Storage => vk::DescriptorType::STORAGE_BUFFER,
+        Buffer::Dynamic => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
         Buffer::UniformTexels(_) => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
         Buffer::StorageTexels(_) => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
         Buffer::Image => vk::DescriptorType::SAMPLED_IMAGE,
@@ -102,7 +102,7 @@ impl Sets {
                 self.views.extend(view);
                 write.texel_buffer_view(&view)
             }
-            Buffer::Storage(_) | Buffer::Dynamic(_) | Buffer::Poses | Buffer::DynamicDeltas => write.buffer_info(&info),
+            Buffer::Storage | Buffer::Dynamic => write.buffer_info(&info),
             Buffer::Image => return refuse("a buffer is bound to a kernel's image", "report this"),
         };
         // SAFETY: the set is not in use yet; its owner keeps buffers and ranges valid.

@@ -117,8 +117,8 @@ unsafe fn compile_one(
 unsafe fn layouts(device: &ash::Device, kernel: &KernelRow) -> (vk::DescriptorSetLayout, vk::PipelineLayout) {
     let binding = |&(binding, buffer): &(u32, Buffer)| {
         let kind = match buffer {
-            Buffer::Storage(_) | Buffer::Poses => vk::DescriptorType::STORAGE_BUFFER,
-            Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
+            Buffer::Storage => vk::DescriptorType::STORAGE_BUFFER,
+            Buffer::Dynamic => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
             Buffer::UniformTexels(_) => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
             Buffer::StorageTexels(_) => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
             Buffer::Image => vk::DescriptorType::SAMPLED_IMAGE,

@@ -20,9 +20,6 @@ mod texels;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use draws::TexturedPush;
-pub(crate) use passes::RectanglesPush;
-
 use crate::draws::one_pass;
 use crate::{check_storage, private};
 use deltamorph::Result;
