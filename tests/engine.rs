@@ -25,6 +25,8 @@ mod scene;
 mod testing;
 #[path = "common/twin.rs"]
 mod twin;
+#[path = "common/watched.rs"]
+mod watched;
 #[path = "common/written.rs"]
 mod written;
 

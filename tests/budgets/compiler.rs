@@ -9,15 +9,11 @@ use crate::prelude::*;
 use deltamorph::ash::khr::pipeline_executable_properties::Device as Executables;
 use deltamorph::internals::abi::kernels::{Buffer, KernelRow};
 use deltamorph::internals::abi::modules::MODULES;
-use std::ffi::CStr;
 use std::io::{BufRead, Write};
 use std::process::{Command, Output, Stdio};
 
 /// Prefix of lines printed by this program.
 pub const MARK: &str = "budgets: ";
-
-/// The vendor for which only listings show arrays in memory.
-const ARM: u32 = 0x13b5;
 
 /// Runs [`compile`] through `launcher`, a command that gets this program and its arguments; returns its output.
 pub fn compile_apart(mut launcher: Command, pipelines: &[Pipeline]) -> Output {
@@ -69,7 +65,7 @@ pub fn compile() {
             let module = words.next().expect("a module");
             let constants: Vec<u32> = words.map(|word| word.parse().expect("a number")).collect();
             eprintln!("{MARK}pipeline {line}");
-            compile_one(&device, &executables, module, &constants, properties.vendor_id == ARM);
+            compile_one(&device, &executables, module, &constants);
         }
     }
     eprintln!("{MARK}done");
@@ -77,24 +73,15 @@ pub fn compile() {
 
 /// # Safety
 /// The device is alive, with statistics of pipelines enabled.
-unsafe fn compile_one(
-    device: &ash::Device,
-    executables: &Executables,
-    module: &str,
-    constants: &[u32],
-    listings: bool,
-) {
+unsafe fn compile_one(device: &ash::Device, executables: &Executables, module: &str, constants: &[u32]) {
     let module = MODULES.iter().find(|known| known.name == module).expect("a module of the table");
     let entry = |id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 };
     let (words, entries): (_, Vec<_>) = (module.words(), (0..constants.len() as u32).map(entry).collect());
     let data: Vec<u8> = constants.iter().flat_map(|constant| constant.to_ne_bytes()).collect();
     let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
-    let mut flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
-    if listings {
-        flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
-    }
-    // SAFETY: the caller's obligation; the layout matches the table of kernels, which tests/project/spirv.rs compares
-    // with the modules. Everything is destroyed once.
+    let flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
+    // SAFETY: the caller's obligation; the layout is that of the table of kernels, as in the engine. Everything is
+    // destroyed once.
     unsafe {
         let (set_layout, layout) = layouts(device, module.kernel);
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
@@ -104,7 +91,7 @@ unsafe fn compile_one(
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout).flags(flags);
         let pipeline =
             device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None).expect("a pipeline")[0];
-        print_statistics(device, executables, pipeline, listings);
+        print_statistics(executables, pipeline);
         device.destroy_pipeline(pipeline, None);
         device.destroy_shader_module(raw, None);
         device.destroy_pipeline_layout(layout, None);
@@ -142,9 +129,8 @@ unsafe fn layouts(device: &ash::Device, kernel: &KernelRow) -> (vk::DescriptorSe
 }
 
 /// # Safety
-/// Device and pipeline are alive; it was made with `CAPTURE_STATISTICS`, and for listings with
-/// `CAPTURE_INTERNAL_REPRESENTATIONS`.
-unsafe fn print_statistics(device: &ash::Device, executables: &Executables, pipeline: vk::Pipeline, listings: bool) {
+/// The pipeline is alive, and was made with `CAPTURE_STATISTICS`.
+unsafe fn print_statistics(executables: &Executables, pipeline: vk::Pipeline) {
     let info = vk::PipelineInfoKHR::default().pipeline(pipeline);
     // SAFETY: the caller's obligation.
     let found = unsafe { executables.get_pipeline_executable_properties(&info) }.expect("properties");
@@ -167,42 +153,5 @@ unsafe fn print_statistics(device: &ash::Device, executables: &Executables, pipe
             };
             eprintln!("{MARK}{name} = {value}");
         }
-        if listings {
-            // SAFETY: as above.
-            let text = unsafe { assembly(device, executables, &info) };
-            // Per-thread memory, in the terms of Valhall and Bifrost.
-            let bifrost = |word: &&str| word.ends_with(".tl") || word.contains(".tl.");
-            let accesses =
-                text.matches("thread_local_pointer").count() + text.split_ascii_whitespace().filter(bifrost).count();
-            eprintln!("{MARK}Scratch accesses = {accesses}");
-        }
     }
-}
-
-/// # Safety
-/// Device and executable are alive, and its pipeline was made with `CAPTURE_INTERNAL_REPRESENTATIONS`.
-unsafe fn assembly(
-    device: &ash::Device,
-    executables: &Executables,
-    info: &vk::PipelineExecutableInfoKHR<'_>,
-) -> String {
-    let get = executables.fp().get_pipeline_executable_internal_representations_khr;
-    let (mut count, mut texts) = (0, vec![]);
-    // SAFETY: the caller's obligation; their number is queried, then their sizes, then their bytes. ash's own function
-    // does not return the bytes.
-    let listings = unsafe {
-        let _ = get(device.handle(), info, &mut count, std::ptr::null_mut());
-        let mut all = vec![vk::PipelineExecutableInternalRepresentationKHR::default(); count as usize];
-        let _ = get(device.handle(), info, &mut count, all.as_mut_ptr());
-        for listing in &mut all {
-            let mut text = vec![0u8; listing.data_size];
-            listing.p_data = text.as_mut_ptr().cast();
-            texts.push(text);
-        }
-        let _ = get(device.handle(), info, &mut count, all.as_mut_ptr());
-        all
-    };
-    let is_assembly = |name: Result<&CStr, _>| name.is_ok_and(|name| name.to_string_lossy().contains("Assembly"));
-    let assembly = listings.iter().zip(&texts).filter(|(listing, _)| is_assembly(listing.name_as_c_str()));
-    assembly.map(|(_, text)| String::from_utf8_lossy(text)).collect()
 }

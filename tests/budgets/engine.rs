@@ -1,10 +1,10 @@
 //! The compute pipelines that the engine makes, with their specialization constants.
 //!
-//! The engine gets a device with wrapped functions for shader modules and compute pipelines, which log their calls and
-//! call the driver's. So modules and constants are those of crowds as a host makes them, without a second list. The
-//! driver is lavapipe; the tuning is that of the GPU. Nothing is submitted.
+//! Modules and constants are those of crowds as a host makes them, without a second list. The driver is lavapipe; the
+//! tuning is that of the GPU. Nothing is submitted.
 
 use crate::prelude::*;
+use crate::watched::{hash, log, watched};
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
 use std::sync::Mutex;
@@ -12,101 +12,49 @@ use std::sync::Mutex;
 /// A pipeline: its module's name under spirv/, and specialization constants 0, 1, …
 pub type Pipeline = (String, Vec<u32>);
 
-/// The functions of the current device, which the wrappers call. The next device may have others.
-static DRIVER: Mutex<Option<ash::DeviceFnV1_0>> = Mutex::new(None);
-/// The last module made, from which the engine makes pipelines next; and the pipelines.
-static MADE: Mutex<(String, Vec<Pipeline>)> = Mutex::new((String::new(), vec![]));
-
-fn driver() -> ash::DeviceFnV1_0 {
-    DRIVER.lock().expect("no panic before").clone().expect("set before the engine is made")
-}
-
-/// Wraps vkCreateShaderModule.
-unsafe extern "system" fn create_shader_module(
-    device: vk::Device,
-    info: *const vk::ShaderModuleCreateInfo<'_>,
-    allocator: *const vk::AllocationCallbacks<'_>,
-    module: *mut vk::ShaderModule,
-) -> vk::Result {
-    // SAFETY: the engine's call is valid, and is passed on unchanged.
-    unsafe {
-        let words = std::slice::from_raw_parts((*info).p_code, (*info).code_size / 4);
-        let known = MODULES.iter().find(|module| module.words() == words).expect("a module of the table");
-        MADE.lock().expect("no panic before").0 = known.name.to_owned();
-        (driver().create_shader_module)(device, info, allocator, module)
-    }
-}
-
-/// Wraps vkCreateComputePipelines.
-unsafe extern "system" fn create_compute_pipelines(
-    device: vk::Device,
-    cache: vk::PipelineCache,
-    count: u32,
-    infos: *const vk::ComputePipelineCreateInfo<'_>,
-    allocator: *const vk::AllocationCallbacks<'_>,
-    pipelines: *mut vk::Pipeline,
-) -> vk::Result {
-    // SAFETY: the engine's call is valid, and is passed on unchanged.
-    unsafe {
-        let (module, made) = &mut *MADE.lock().expect("no panic before");
-        for info in std::slice::from_raw_parts(infos, count as usize) {
-            made.push((module.clone(), constants(&info.stage)));
-        }
-        (driver().create_compute_pipelines)(device, cache, count, infos, allocator, pipelines)
-    }
-}
-
-/// Returns the specialization constants of a stage, which are numbered from 0.
-///
-/// # Safety
-/// The stage's specialization is valid, or null.
-unsafe fn constants(stage: &vk::PipelineShaderStageCreateInfo<'_>) -> Vec<u32> {
-    // SAFETY: the caller's obligation.
-    unsafe {
-        let Some(info) = stage.p_specialization_info.as_ref().filter(|info| info.map_entry_count > 0) else {
-            return vec![];
-        };
-        let entries = std::slice::from_raw_parts(info.p_map_entries, info.map_entry_count as usize);
-        let numbered = (0..).zip(entries).all(|(i, entry)| entry.constant_id == i && entry.size == 4);
-        assert!(numbered, "32-bit constants in the order of their numbers");
-        let value = |entry: &vk::SpecializationMapEntry| info.p_data.byte_add(entry.offset as usize).cast::<u32>();
-        entries.iter().map(|entry| value(entry).read_unaligned()).collect()
-    }
-}
-
 /// Returns the pipelines of crowds on devices with this tuning, each once.
 pub fn pipelines(tuning: DeviceTuning) -> Vec<Pipeline> {
     static KNOWN: Mutex<Vec<(DeviceTuning, Vec<Pipeline>)>> = Mutex::new(vec![]);
-    // Tests run concurrently, and the wrappers cannot tell calls apart: held until all pipelines are made.
+    // Held until all are made: other GPUs have the same tuning.
     let mut known = KNOWN.lock().expect("no panic before");
     if let Some((_, pipelines)) = known.iter().find(|(of, _)| *of == tuning) {
         return pipelines.clone();
     }
-    make(tuning);
-    let mut made = std::mem::take(&mut MADE.lock().expect("no panic before").1);
+    let mut made = made(&make(tuning));
     made.sort_unstable();
     made.dedup();
     known.push((tuning, made.clone()));
     made
 }
 
-/// Makes crowds on a lavapipe device with this tuning.
-fn make(tuning: DeviceTuning) {
+/// Returns the pipelines in a list of calls: the engine makes each of the module that it has made last.
+fn made(calls: &[String]) -> Vec<Pipeline> {
+    let names: HashMap<String, &str> =
+        MODULES.iter().map(|module| (format!("module {:x}", hash(&module.words())), module.name)).collect();
+    let (mut last, mut made) = ("", vec![]);
+    for call in calls {
+        if let Some(name) = names.get(call) {
+            last = name;
+        } else if call.starts_with("pipelines of ") {
+            let numbers =
+                |constants: &str| constants.split_whitespace().map(|n| n.parse().expect("a number")).collect();
+            made.extend(call.split(':').skip(1).map(|constants| (last.to_owned(), numbers(constants))));
+        }
+    }
+    made
+}
+
+/// Makes crowds on a lavapipe device with this tuning; returns the calls.
+fn make(tuning: DeviceTuning) -> Vec<String> {
     let headless = gpu::device("llvmpipe", false, None);
-    let (instance, physical, device) = headless.handles();
-    let mut core = device.fp_v1_0().clone();
-    *DRIVER.lock().expect("no panic before") = Some(core.clone());
-    core.create_shader_module = create_shader_module;
-    core.create_compute_pipelines = create_compute_pipelines;
-    let (core1, core2, core3) = (device.fp_v1_1().clone(), device.fp_v1_2().clone(), device.fp_v1_3().clone());
-    let watched = ash::Device::from_parts_1_3(device.handle(), core, core1, core2, core3);
-    let caps = gpu::limited(headless.caps().clone(), |caps| caps.tuning = tuning);
+    let (_, physical, _) = headless.handles();
     let host = Buffers::new(&headless);
     let output = host.shared(1 << 16).buffer;
+    let (instance, device) = watched(&headless);
+    let caps = gpu::limited(headless.caps().clone(), |caps| caps.tuning = tuning);
+    let desc = DeviceDesc { caps: Some(caps), ..DeviceDesc::new(&instance, physical, &device) };
     // SAFETY: the handles belong together, and outlive the engine.
-    let engine =
-        unsafe { MorphEngine::new(&DeviceDesc { caps: Some(caps), ..DeviceDesc::new(instance, physical, &watched) }) };
-    let engine = engine.expect("an engine");
+    let engine = unsafe { MorphEngine::new(&desc) }.expect("an engine");
     engine.set_techniques(&deltamorph_baselines::TECHNIQUES);
     let recorded = headless.run(|cmd| {
         // SAFETY: the buffer is recording, and is not submitted; the output is large enough.
@@ -114,6 +62,7 @@ fn make(tuning: DeviceTuning) {
         Err::<(), _>(Error::Invalid { what: "not submitted".into(), remedy: String::new() })
     });
     assert!(recorded.is_err());
+    log()
 }
 
 /// Makes crowds of one instance and of the widest tile, in every supported combination of format, path and pose format.

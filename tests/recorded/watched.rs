@@ -1,109 +1,21 @@
 //! What a host can watch of an update's commands: the labels around its steps, and timestamps between them; and the
-//! cache that pipelines are made with. Calls go to the driver through functions that write them down.
+//! cache that pipelines are made with.
 
 use crate::prelude::*;
-use std::cell::{Cell, RefCell};
-use std::ffi::{CStr, c_char, c_void};
-
-type Function = unsafe extern "system" fn();
-type Cmd = vk::CommandBuffer;
-
-thread_local! {
-    static LOG: RefCell<Vec<String>> = const { RefCell::new(vec![]) };
-    static REAL: RefCell<HashMap<&'static str, Function>> = RefCell::default();
-    static LOOK_UP: Cell<Option<vk::PFN_vkGetDeviceProcAddr>> = const { Cell::new(None) };
-}
-
-/// Functions that write a line and call the driver's, by name; and the function that looks them up.
-macro_rules! watched {
-    ($($name:ident: $type:ty = |$($argument:ident: $of:ty),*| $(-> $result:ty =>)? $line:expr;)*) => {
-        $(
-            #[allow(non_snake_case)]
-            unsafe extern "system" fn $name($($argument: $of),*) $(-> $result)? {
-                LOG.with_borrow_mut(|log| log.push($line));
-                let real = REAL.with_borrow(|real| real[stringify!($name)]);
-                // SAFETY: the driver's function of this name, and what it was called with.
-                unsafe { std::mem::transmute::<Function, $type>(real)($($argument),*) }
-            }
-        )*
-
-        /// # Safety
-        /// Those of vkGetDeviceProcAddr.
-        unsafe extern "system" fn look_up(device: vk::Device, name: *const c_char) -> vk::PFN_vkVoidFunction {
-            // SAFETY: the caller's obligations.
-            let (name, real) = unsafe { (CStr::from_ptr(name), LOOK_UP.get()?(device, name)?) };
-            match name.to_str().ok()? {
-                $(stringify!($name) => {
-                    REAL.with_borrow_mut(|all| all.insert(stringify!($name), real));
-                    // SAFETY: called as its own type.
-                    Some(unsafe { std::mem::transmute::<$type, Function>($name) })
-                })*
-                _ => Some(real),
-            }
-        }
-    };
-}
-
-watched! {
-    vkCmdBeginDebugUtilsLabelEXT: vk::PFN_vkCmdBeginDebugUtilsLabelEXT = |
-        cmd: Cmd, info: *const vk::DebugUtilsLabelEXT<'_>
-    | {
-        // SAFETY: a label whose name is a string.
-        format!("begin {}", unsafe { CStr::from_ptr((*info).p_label_name) }.to_str().expect("UTF-8"))
-    };
-    vkCmdEndDebugUtilsLabelEXT: vk::PFN_vkCmdEndDebugUtilsLabelEXT = |cmd: Cmd| "end".to_owned();
-    vkCmdDispatch: vk::PFN_vkCmdDispatch = |cmd: Cmd, x: u32, y: u32, z: u32| format!("dispatch {x} {y} {z}");
-    vkCmdDispatchIndirect: vk::PFN_vkCmdDispatchIndirect = |
-        cmd: Cmd, buffer: vk::Buffer, at: u64
-    | format!("dispatch at {at}");
-    vkCmdBindPipeline: vk::PFN_vkCmdBindPipeline = |
-        cmd: Cmd, point: vk::PipelineBindPoint, pipeline: vk::Pipeline
-    | format!("bind to {point:?}");
-    vkCmdWriteTimestamp: vk::PFN_vkCmdWriteTimestamp = |
-        cmd: Cmd, stage: vk::PipelineStageFlags, pool: vk::QueryPool, query: u32
-    | format!("timestamp {query}");
-    vkCmdPushConstants: vk::PFN_vkCmdPushConstants = |
-        cmd: Cmd, layout: vk::PipelineLayout, stages: vk::ShaderStageFlags, at: u32, size: u32, values: *const c_void
-    | {
-        // SAFETY: as many bytes are there.
-        format!("push {:?}", unsafe { std::slice::from_raw_parts(values.cast::<u8>(), size as usize) })
-    };
-    vkCmdPipelineBarrier: vk::PFN_vkCmdPipelineBarrier = |
-        cmd: Cmd, before: vk::PipelineStageFlags, after: vk::PipelineStageFlags, flags: vk::DependencyFlags,
-        memories: u32, memory: *const vk::MemoryBarrier<'_>, buffers: u32, buffer: *const vk::BufferMemoryBarrier<'_>,
-        images: u32, image: *const vk::ImageMemoryBarrier<'_>
-    | format!("barrier {before:?} {after:?}");
-    vkCreateComputePipelines: vk::PFN_vkCreateComputePipelines = |
-        device: vk::Device, cache: vk::PipelineCache, count: u32, infos: *const vk::ComputePipelineCreateInfo<'_>,
-        allocator: *const vk::AllocationCallbacks<'_>, pipelines: *mut vk::Pipeline
-    | -> vk::Result => format!("pipelines of {cache:?}");
-    vkCreateGraphicsPipelines: vk::PFN_vkCreateGraphicsPipelines = |
-        device: vk::Device, cache: vk::PipelineCache, count: u32, infos: *const vk::GraphicsPipelineCreateInfo<'_>,
-        allocator: *const vk::AllocationCallbacks<'_>, pipelines: *mut vk::Pipeline
-    | -> vk::Result => format!("pipelines of {cache:?}");
-}
+use crate::watched::{log, watched};
 
 /// An engine on the device of `headless`, whose calls are written down.
-fn watched(headless: &Headless, names: bool, cache: vk::PipelineCache) -> MorphEngine {
-    let (instance, physical, device) = headless.handles();
-    LOOK_UP.set(Some(instance.fp_v1_0().get_device_proc_addr));
-    let functions = ash::InstanceFnV1_0 { get_device_proc_addr: look_up, ..instance.fp_v1_0().clone() };
-    let (v1_1, v1_3) = (instance.fp_v1_1().clone(), instance.fp_v1_3().clone());
-    let instance = ash::Instance::from_parts_1_3(instance.handle(), functions, v1_1, v1_3);
+fn engine(headless: &Headless, names: bool, cache: vk::PipelineCache) -> MorphEngine {
+    let (_, physical, _) = headless.handles();
+    let (instance, device) = watched(headless);
+    let caps = headless.caps();
+    let desc =
+        DeviceDesc { caps: Some(caps.clone()), debug_names: names, ..DeviceDesc::new(&instance, physical, &device) };
+    let mut desc = DeviceDesc { transform_feedback_enabled: caps.transform_feedback.is_some(), ..desc };
+    desc.pipeline_cache = cache;
     // SAFETY: the handles are of one device, which outlives the engine; the validation layers are on, and with them
     // the extension.
-    unsafe {
-        let device = ash::Device::load(instance.fp_v1_0(), device.handle());
-        let caps = headless.caps();
-        let desc = DeviceDesc {
-            caps: Some(caps.clone()),
-            debug_names: names,
-            ..DeviceDesc::new(&instance, physical, &device)
-        };
-        let mut desc = DeviceDesc { transform_feedback_enabled: caps.transform_feedback.is_some(), ..desc };
-        desc.pipeline_cache = cache;
-        MorphEngine::new(&desc).expect("an engine")
-    }
+    unsafe { MorphEngine::new(&desc) }.expect("an engine")
 }
 
 /// A pose of each crowd after an update, the recorded commands, and the number of timestamps and the steps of each
@@ -148,11 +60,11 @@ fn frames(
         animated.set_time(f64::from(frame) / 30.0).expect("a time");
         let log = headless.run(|cmd| {
             with_queries(cmd, [&mut blocks, &mut dense, &mut animated]);
-            LOG.take();
+            log();
             let mut all: [&mut Crowd; 3] = [&mut blocks, &mut dense, &mut animated];
             // SAFETY: as above.
             let updates = unsafe { engine.record_updates(cmd, if frame < 3 { &mut all } else { &mut all[..2] }) }?;
-            let log = LOG.take();
+            let log = log();
             let steps = [blocks.step_names().collect(), dense.step_names().collect(), animated.step_names().collect()];
             let steps = updates.iter().map(|update| update.timestamps).zip(steps).collect();
             let all: [&Crowd; 3] = [&blocks, &dense, &animated];
@@ -172,8 +84,7 @@ fn frames(
 fn labels_are_around_updates_and_steps_and_change_nothing_else() {
     for driver in drivers() {
         on_device(&driver, false, |headless, _| {
-            let [named, plain] =
-                [true, false].map(|names| frames(headless, &watched(headless, names, NONE), |_, _| ()));
+            let [named, plain] = [true, false].map(|names| frames(headless, &engine(headless, names, NONE), |_, _| ()));
             for (number, ((poses, log, steps), plain)) in named.into_iter().zip(plain).enumerate() {
                 let (mut open, mut labels, mut commands) = (0, Vec::<String>::new(), vec![]);
                 for line in log {
@@ -213,9 +124,9 @@ fn timestamps_are_written_between_the_steps_of_each_update() {
             let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(3 * QUERIES);
             // SAFETY: the device is alive, and the pool is destroyed below.
             let pool = unsafe { device.create_query_pool(&info, None) }.expect("a pool");
-            let plain = frames(headless, &watched(headless, false, NONE), |_, _| ());
+            let plain = frames(headless, &engine(headless, false, NONE), |_, _| ());
             let mut number = 0;
-            let timed = frames(headless, &watched(headless, false, NONE), |cmd, crowds| {
+            let timed = frames(headless, &engine(headless, false, NONE), |cmd, crowds| {
                 // What the update before wrote, which has finished.
                 for first in (0..3).map(|crowd| crowd * QUERIES).filter(|_| (1..4).contains(&number)) {
                     let written = plain[number - 1].2[first as usize / QUERIES as usize].1.len() + 1;
@@ -263,22 +174,22 @@ fn timestamps_are_written_between_the_steps_of_each_update() {
 #[test]
 fn too_few_queries_are_refused_before_anything_is_recorded() {
     on_device(&drivers()[0], false, |headless, _| {
-        let engine = watched(headless, true, NONE);
+        let engine = engine(headless, true, NONE);
         let mesh = gpu::packed(&engine, &testing::mesh(300, 7), DeltaFormat::Fast);
         let uploaded = gpu::upload(headless, &engine, &mesh);
         let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
         crowd.set_weights(0, &[0.5; 7]).expect("weights");
-        LOG.take();
+        log();
         // SAFETY: nothing is written to the pool, which is null.
         unsafe { crowd.set_queries(vk::QueryPool::null(), 0, 1) };
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
         let refused = headless.run(|cmd| unsafe { engine.record_update(cmd, &mut crowd) });
         testing::says(refused, &["1 queries for the 2 timestamps"]);
-        assert_eq!(LOG.take(), [""; 0]);
+        assert_eq!(log(), [""; 0]);
         // SAFETY: as above.
         let update = headless.run(|cmd| unsafe { engine.record_update(cmd, &mut crowd) }).expect("an update");
         assert_eq!((update.timestamps, crowd.step_names().collect()), (0, vec!["blocks"]));
-        assert!(LOG.take().contains(&"begin blocks".to_owned()), "the setting was used up");
+        assert!(log().contains(&"begin blocks".to_owned()), "the setting was used up");
     });
 }
 
@@ -290,18 +201,19 @@ fn every_pipeline_is_made_with_the_cache_of_the_host() {
         // SAFETY: the device is alive, and the cache is destroyed below.
         let cache = unsafe { device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) };
         let cache = cache.expect("a cache");
-        let engine = watched(headless, false, cache);
-        LOG.take();
+        let engine = engine(headless, false, cache);
+        log();
         for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
             let mesh = gpu::packed(&engine, &testing::mesh(300, 23), format);
             let uploaded = gpu::upload(headless, &engine, &mesh);
             for update in update_descs(&engine, format) {
-                engine.create_crowd(&uploaded, &single(update)).expect("a crowd");
+                engine.create_crowd(&uploaded, &CrowdDesc::new(update)).expect("a crowd");
             }
         }
         drop(engine);
-        let made: Vec<String> = LOG.take().into_iter().filter(|line| line.starts_with("pipelines")).collect();
-        assert!(made.len() > 3 && made.iter().all(|line| *line == format!("pipelines of {cache:?}")), "{made:?}");
+        let made: Vec<String> = log().into_iter().filter(|line| line.starts_with("pipelines")).collect();
+        let of_host = format!("pipelines of {cache:?}");
+        assert!(made.len() > 3 && made.iter().all(|line| line.starts_with(&of_host)), "{made:?}");
         // SAFETY: the engine, which made pipelines with it, is gone.
         unsafe { device.destroy_pipeline_cache(cache, None) };
     });

@@ -1,11 +1,10 @@
-//! The limits of weak devices, on real drivers: an engine with these limits keeps to them in every call, which wrappers
-//! of the driver's functions check; its poses match the float64 reference, and its steps run.
+//! The limits of weak devices, on real drivers: an engine with these limits keeps to them in every call; its poses match
+//! the float64 reference, and its steps run.
 
 use crate::gpu::baseline;
 use crate::prelude::*;
+use crate::watched::{log, watched};
 use crate::written::Written;
-use std::ffi::{CStr, c_void};
-use std::sync::{Mutex, MutexGuard};
 
 /// Largest alignment of storage-buffer offsets on phones (`minStorageBufferOffsetAlignment`).
 const ALIGNMENT: u64 = 256;
@@ -33,153 +32,45 @@ fn clamps() -> [(&'static str, DeviceCaps); 4] {
     ]
 }
 
-/// The device whose calls are checked, and their limits.
-struct Watched {
-    device: ash::Device,
-    limits: DeviceCaps,
-    alive: usize,
-    most_alive: usize,
-    calls: usize,
-    broken: Vec<String>,
-}
-
-static WATCHED: Mutex<Option<Watched>> = Mutex::new(None);
-
-/// Checks a call with `is_kept`; returns the device to call.
-fn look(call: &str, is_kept: impl FnOnce(&mut Watched) -> bool) -> ash::Device {
-    let mut watched: MutexGuard<'_, Option<Watched>> = WATCHED.lock().expect("no panic meanwhile");
-    let watched = watched.as_mut().expect("a device");
-    watched.calls += 1;
-    if !is_kept(watched) {
-        watched.broken.push(call.to_owned());
-    }
-    watched.device.clone()
-}
-
-const BUFFERS: [vk::DescriptorType; 2] =
-    [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::STORAGE_BUFFER_DYNAMIC];
-
-type Callbacks = *const vk::AllocationCallbacks<'static>;
-
-/// Defines wrappers of the driver's functions: a check of the call, and the function that then gets it unchanged.
-macro_rules! in_front {
-    ($(fn $name:ident($($of:ident: $type:ty),* $(,)?) $(-> $result:ty)? $look:block => $driver:ident;)*) => {$(
-        unsafe extern "system" fn $name($($of: $type),*) $(-> $result)? {
-            // SAFETY: the caller's obligations are those of the driver's function.
-            #[allow(unused_unsafe, reason = "some look at numbers alone")]
-            let next = unsafe { $look };
-            // SAFETY: as above.
-            unsafe { (next.fp_v1_0().$driver)($($of),*) }
-        }
-    )*};
-}
-
-in_front! {
-    fn allocate(
-        device: vk::Device, info: *const vk::MemoryAllocateInfo<'static>, callbacks: Callbacks,
-        memory: *mut vk::DeviceMemory,
-    ) -> vk::Result {
-        let bytes = (*info).allocation_size;
-        look(&format!("vkAllocateMemory of {bytes} bytes"), |watched| {
-            watched.alive += 1;
-            watched.most_alive = watched.most_alive.max(watched.alive);
-            bytes <= watched.limits.max_allocation && watched.alive <= ALLOCATIONS
-        })
-    } => allocate_memory;
-
-    fn free(device: vk::Device, memory: vk::DeviceMemory, callbacks: Callbacks) {
-        look("vkFreeMemory", |watched| {
-            watched.alive -= 1;
-            true
-        })
-    } => free_memory;
-
-    fn create_buffer(
-        device: vk::Device, info: *const vk::BufferCreateInfo<'static>, callbacks: Callbacks, buffer: *mut vk::Buffer,
-    ) -> vk::Result {
-        let size = (*info).size;
-        look(&format!("vkCreateBuffer of {size} bytes"), |watched| size <= watched.limits.max_buffer)
-    } => create_buffer;
-
-    fn create_set_layout(
-        device: vk::Device, info: *const vk::DescriptorSetLayoutCreateInfo<'static>, callbacks: Callbacks,
-        layout: *mut vk::DescriptorSetLayout,
-    ) -> vk::Result {
-        let bindings = std::slice::from_raw_parts((*info).p_bindings, (*info).binding_count as usize);
-        let buffers = bindings.iter().filter(|binding| BUFFERS.contains(&binding.descriptor_type));
-        let count: u32 = buffers.map(|binding| binding.descriptor_count).sum();
-        look(&format!("vkCreateDescriptorSetLayout of {count} storage buffers"), |watched| {
-            count <= watched.limits.max_storage_buffers
-        })
-    } => create_descriptor_set_layout;
-
-    fn update_sets(
-        device: vk::Device, writes: u32, write: *const vk::WriteDescriptorSet<'static>, copies: u32,
-        copy: *const vk::CopyDescriptorSet<'static>,
-    ) {
-        let all = std::slice::from_raw_parts(write, writes as usize);
-        for one in all.iter().filter(|one| BUFFERS.contains(&one.descriptor_type)) {
-            let buffers = std::slice::from_raw_parts(one.p_buffer_info, one.descriptor_count as usize);
-            for vk::DescriptorBufferInfo { offset, range, .. } in buffers {
-                look(&format!("vkUpdateDescriptorSets of {range} bytes at {offset}"), |watched| {
-                    offset.is_multiple_of(ALIGNMENT) && *range <= watched.limits.max_storage_range
-                });
+/// The most allocations that were alive at a time in these calls, each of which has to keep the limits.
+fn most_alive(calls: &[String], limits: &DeviceCaps, what: &str) -> usize {
+    let (mut alive, mut most) = (0, 0);
+    for call in calls {
+        let (before, _) = call.split_once(':').unwrap_or((call, ""));
+        let numbers: Vec<u64> = before.split(' ').filter_map(|number| number.parse().ok()).collect();
+        let kept = match (before.split(' ').next().unwrap_or_default(), &numbers[..]) {
+            ("allocate", [bytes]) => {
+                alive += 1;
+                most = most.max(alive);
+                *bytes <= limits.max_allocation && alive <= ALLOCATIONS
             }
-        }
-        look("vkUpdateDescriptorSets", |_| true)
-    } => update_descriptor_sets;
-
-    fn bind_sets(
-        cmd: vk::CommandBuffer, point: vk::PipelineBindPoint, layout: vk::PipelineLayout, first: u32, count: u32,
-        sets: *const vk::DescriptorSet, offset_count: u32, offsets: *const u32,
-    ) {
-        look("vkCmdBindDescriptorSets with an offset that is not aligned", |_| {
-            (0..offset_count as usize).all(|i| u64::from(*offsets.add(i)).is_multiple_of(ALIGNMENT))
-        })
-    } => cmd_bind_descriptor_sets;
-
-    fn dispatch(cmd: vk::CommandBuffer, x: u32, y: u32, z: u32) {
-        look(&format!("vkCmdDispatch of {x} × {y} × {z} workgroups"), |watched| {
-            [x, y, z].iter().all(|n| *n <= watched.limits.max_workgroups)
-        })
-    } => cmd_dispatch;
-
-    fn push(
-        cmd: vk::CommandBuffer, layout: vk::PipelineLayout, stages: vk::ShaderStageFlags, offset: u32, size: u32,
-        values: *const c_void,
-    ) {
-        look(&format!("vkCmdPushConstants of {size} bytes at {offset}"), |watched| {
-            offset + size <= watched.limits.max_push_constants
-        })
-    } => cmd_push_constants;
+            ("free", []) => {
+                alive -= 1;
+                true
+            }
+            ("buffer", [bytes]) => *bytes <= limits.max_buffer,
+            ("set", [buffers]) => *buffers <= limits.max_storage_buffers.into(),
+            ("descriptors", ranges) => {
+                ranges.chunks(2).all(|range| range[0].is_multiple_of(ALIGNMENT) && range[1] <= limits.max_storage_range)
+            }
+            ("bind", offsets) => offsets.iter().all(|offset| offset.is_multiple_of(ALIGNMENT)),
+            ("dispatch", counts) => counts.iter().all(|count| *count <= limits.max_workgroups.into()),
+            ("push", [at, bytes]) => at + bytes <= limits.max_push_constants.into(),
+            _ => true,
+        };
+        assert!(kept, "{what}: {call}");
+    }
+    assert_eq!(alive, 0, "{what}: memory that was not given back");
+    most
 }
 
-/// Makes an engine within limits whose calls are checked.
+/// Makes an engine within limits whose calls are written down.
 fn engine(headless: &Headless, limits: &DeviceCaps) -> MorphEngine {
-    let (instance, physical, device) = headless.handles();
-    let limits = gpu::limited(headless.caps().clone(), |caps| caps.clamp_to(limits));
-    let watched =
-        Watched { device: device.clone(), limits: limits.clone(), alive: 0, most_alive: 0, calls: 0, broken: vec![] };
-    *WATCHED.lock().expect("no panic meanwhile") = Some(watched);
-    let load = |name: &CStr| match name.to_bytes() {
-        b"vkAllocateMemory" => allocate as *const c_void,
-        b"vkFreeMemory" => free as *const c_void,
-        b"vkCreateBuffer" => create_buffer as *const c_void,
-        b"vkCreateDescriptorSetLayout" => create_set_layout as *const c_void,
-        b"vkUpdateDescriptorSets" => update_sets as *const c_void,
-        b"vkCmdBindDescriptorSets" => bind_sets as *const c_void,
-        b"vkCmdDispatch" => dispatch as *const c_void,
-        b"vkCmdPushConstants" => push as *const c_void,
-        // SAFETY: the device is alive.
-        _ => unsafe { instance.get_device_proc_addr(device.handle(), name.as_ptr()) }
-            .map_or(std::ptr::null(), |function| function as *const c_void),
-    };
-    // SAFETY: the functions are the device's, which is alive and belongs to the others; it outlives the engine.
-    unsafe {
-        let device = ash::Device::load_with(load, device.handle());
-        MorphEngine::new(&DeviceDesc { caps: Some(limits), ..DeviceDesc::new(instance, physical, &device) })
-            .expect("an engine")
-    }
+    let (_, physical, _) = headless.handles();
+    let (instance, device) = watched(headless);
+    let desc = DeviceDesc { caps: Some(limits.clone()), ..DeviceDesc::new(&instance, physical, &device) };
+    // SAFETY: the handles belong together, and outlive the engine.
+    unsafe { MorphEngine::new(&desc) }.expect("an engine")
 }
 
 /// Two instances, with post-morph passes: decoded; skinned, and normals of the surface.
@@ -239,7 +130,6 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, up
     }
 }
 
-/// One test, since only one device can be checked at a time.
 #[test]
 fn every_call_keeps_to_the_limits_and_poses_are_right() {
     let mesh = head(&HeadDesc { vertices: 900, targets: 37, sparsity: 0.15, seed: 3 });
@@ -258,6 +148,7 @@ fn every_call_keeps_to_the_limits_and_poses_are_right() {
             if index > 0 && clamp != "small" {
                 continue;
             }
+            let limits = gpu::limited(headless.caps().clone(), |caps| caps.clamp_to(&limits));
             let engine = engine(&headless, &limits);
             for update in updates {
                 check(&headless, &engine, &mesh, update);
@@ -269,12 +160,10 @@ fn every_call_keeps_to_the_limits_and_poses_are_right() {
                 crate::testing::says(engine.create_crowd(&uploaded, &desc), &["67108864"]);
             }
             drop(engine);
-            let watched = WATCHED.lock().expect("no panic meanwhile").take().expect("a device");
-            let name = &headless.caps().name;
-            assert_eq!(watched.broken, [""; 0], "{name}, {clamp}");
-            assert_eq!(watched.alive, 0, "{name}, {clamp}: memory that was not given back");
-            println!("{name}, {clamp}: {} calls, {} allocations at most", watched.calls, watched.most_alive);
-            assert!(watched.calls > 100, "the calls are looked at");
+            let (calls, what) = (log(), format!("{}, {clamp}", headless.caps().name));
+            let most = most_alive(&calls, &limits, &what);
+            println!("{what}: {} calls, {most} allocations at most", calls.len());
+            assert!(calls.len() > 100, "the calls are looked at");
         }
         assert_eq!(gpu::complaints(&headless), [""; 0], "{driver}");
     }
