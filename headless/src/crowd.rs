@@ -125,6 +125,12 @@ impl<'a> HeadlessCrowd<'a> {
         &self.mesh
     }
 
+    /// See [`Crowd::begin_at`].
+    #[doc(hidden)]
+    pub fn begin_at(&mut self, updates: u64) {
+        self.crowd.begin_at(updates);
+    }
+
     /// See [`Crowd::set_weights`].
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.crowd.set_weights(instance, weights)

@@ -172,6 +172,50 @@ fn on_devices(test: impl Fn(&Headless)) {
     }
 }
 
+/// Makes a crowd with poses in the engine's buffers and one in the host's, runs `step` on both for some frames, and
+/// compares. Float32, or decoded: the first instance has an output target, too, if `decodes` says so.
+fn assert_alike<'a>(
+    (host, mesh): (&Buffers<'_>, &PackedMesh),
+    (place, desc): ((VertexLayout, u64), CrowdDesc),
+    (frames, decodes): (u32, bool),
+    make: impl Fn(&CrowdDesc) -> HeadlessCrowd<'a>,
+    step: impl Fn(&mut HeadlessCrowd<'a>, u32) -> (Vec<Entry>, deltamorph::UpdateStats),
+) {
+    let CrowdDesc { instances, update, .. } = desc;
+    let bytes = place.0.pose_bytes(mesh.layout()) * u64::from(instances * update.slots);
+    let in_host = Host::new(host, place, bytes);
+    let desc_of_host = CrowdDesc { poses: Some(in_host.poses), ..desc };
+    assert_eq!(Crowd::pose_bytes(mesh, &desc_of_host), bytes);
+    let (mut ours, mut theirs) = (make(&desc), make(&desc_of_host));
+    let vertices = mesh.layout().vertex_count;
+    let targets = [(); 2].map(|()| host.shared(24 * vertices));
+    let decodes = decodes && place.0.offset(Semantic::Normal).is_some();
+    for (crowd, target) in [&mut ours, &mut theirs].into_iter().zip(&targets).filter(|_| decodes) {
+        let target = OutputTarget { stride: 24, normals: Some(12), ..OutputTarget::new(target.buffer) };
+        // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
+        unsafe { crowd.set_output_target(0, Some(&target)) }.expect("a target");
+    }
+    for frame in 0..frames {
+        let what = format!("{update:?} {place:?}, frame {frame}");
+        let [first, second] = [&mut ours, &mut theirs].map(|crowd| step(crowd, frame));
+        assert!(first == second, "{what}: {first:?}, {second:?}");
+        let views = |i, semantic| {
+            let crowd = theirs.crowd();
+            (crowd.stream(i, semantic), crowd.previous_stream(i, semantic).unwrap_or(None))
+        };
+        assert_equal((mesh, instances), (&in_host, update.pose), &mut ours, views, &what);
+        for (semantic, first) in [(Semantic::Position, 0), (Semantic::Normal, 3)].into_iter().filter(|_| decodes) {
+            let view = theirs.crowd().stream(0, semantic).expect("a stream");
+            let expected = numbers(&in_host.contents(), &view, vertices);
+            for target in &targets {
+                let found = host.contents::<u32>(target);
+                let found = found.chunks_exact(6).flat_map(|vertex| &vertex[first..first + 3]);
+                assert!(expected.iter().eq(found), "{what}: {semantic}, decoded");
+            }
+        }
+    }
+}
+
 #[test]
 fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
     on_devices(|headless| {
@@ -193,42 +237,25 @@ fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
                 PoseFormat::Fixed16 => vertices_of_halves(with_streams),
                 _ => vertices(with_streams),
             };
-            for place in layouts {
-                let what = format!("{} {format:?} {update:?} {place:?}", headless.caps().name);
-                let desc = CrowdDesc { instances: heads, ..CrowdDesc::new(update) };
-                let bytes = place.0.pose_bytes(mesh.layout()) * u64::from(heads * update.slots);
-                let in_host = Host::new(&host, place, bytes);
-                let desc_of_host = CrowdDesc { poses: Some(in_host.poses), ..desc };
-                assert_eq!(Crowd::pose_bytes(&mesh, &desc_of_host), bytes);
-                let mut ours = HeadlessCrowd::new(headless, &mesh, &desc).expect(&what);
-                let mut theirs = HeadlessCrowd::new(headless, &mesh, &desc_of_host).expect(&what);
-                for frame in 0..9 {
-                    let what = format!("{what}, frame {frame}");
-                    let asked: Vec<Vec<f32>> =
-                        (0..heads).map(|i| weights(&mesh, frame - u32::from(frame == 6), i)).collect();
-                    let asked: Vec<&[f32]> = asked.iter().map(Vec::as_slice).collect();
-                    let mut steps = vec![];
-                    for crowd in [&mut ours, &mut theirs] {
-                        crowd.set_hidden(heads - 1, heads > 1 && (2..4).contains(&frame)).expect("an instance");
-                        if frame == 5 {
-                            let other = vec![0.5; mesh.layout().targets.len()];
-                            let other = vec![&other[..]; heads as usize];
-                            let (_, lost) = crowd.record(&other).expect("a recording");
-                            crowd.discard(lost.ticket).expect("a ticket");
-                        }
-                        if frame == 7 {
-                            crowd.reset_history(0).expect("an instance");
-                        }
-                        let (step, commands, _) = gpu::recorded(crowd, &asked);
-                        steps.push((commands, step.update.stats));
-                    }
-                    assert!(steps[0] == steps[1], "{what}: {steps:?}");
-                    let views = |i, semantic| {
-                        let crowd = theirs.crowd();
-                        (crowd.stream(i, semantic), crowd.previous_stream(i, semantic).unwrap_or(None))
-                    };
-                    assert_equal((&mesh, heads), (&in_host, update.pose), &mut ours, views, &what);
+            let make = |desc: &CrowdDesc| HeadlessCrowd::new(headless, &mesh, desc).expect("a crowd");
+            let step = |crowd: &mut HeadlessCrowd<'_>, frame: u32| {
+                let asked: Vec<Vec<f32>> =
+                    (0..heads).map(|i| weights(&mesh, frame - u32::from(frame == 6), i)).collect();
+                crowd.set_hidden(heads - 1, heads > 1 && (2..4).contains(&frame)).expect("an instance");
+                if frame == 5 {
+                    let other = vec![0.5; mesh.layout().targets.len()];
+                    let (_, lost) = crowd.record(&vec![&other[..]; heads as usize]).expect("a recording");
+                    crowd.discard(lost.ticket).expect("a ticket");
                 }
+                if frame == 7 {
+                    crowd.reset_history(0).expect("an instance");
+                }
+                let (step, commands, _) = gpu::recorded(crowd, &asked.iter().map(Vec::as_slice).collect::<Vec<_>>());
+                (commands, step.update.stats)
+            };
+            for place in layouts {
+                let desc = CrowdDesc { instances: heads, ..CrowdDesc::new(update) };
+                assert_alike((&host, &mesh), (place, desc), (9, true), make, step);
             }
         }
     });
@@ -238,6 +265,7 @@ fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
 fn heads_that_play_clips_are_written_into_the_hosts_vertices() {
     on_devices(|headless| {
         let host = Buffers::new(headless);
+        let clips = [head_clip(&head_desc(), 40, 30.0)];
         for (pose, places) in [
             (PoseFormat::Fixed32, vertices(true)),
             (PoseFormat::Fixed16, vertices_of_halves(true)),
@@ -245,72 +273,22 @@ fn heads_that_play_clips_are_written_into_the_hosts_vertices() {
         ] {
             for place in places {
                 let mesh = packed(headless, DeltaFormat::Fast, place.0.offset(Semantic::Tangent).is_some());
-                let desc = CrowdDesc { instances: 3, ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() }) };
-                let bytes = place.0.pose_bytes(mesh.layout()) * 3 * 2;
-                let in_host = Host::new(&host, place, bytes);
-                let clips = [head_clip(&head_desc(), 40, 30.0)];
-                let made = |desc: CrowdDesc| -> HeadlessCrowd<'_> {
+                let make = |desc: &CrowdDesc| {
                     let animation = AnimationDesc::new(&clips);
-                    let mut crowd = HeadlessCrowd::animated(headless, &mesh, &desc, &animation).expect("a crowd");
+                    let mut crowd = HeadlessCrowd::animated(headless, &mesh, desc, &animation).expect("a crowd");
                     (0..3).for_each(|i| {
                         crowd.play(i, &Playback { start: f64::from(i) * -0.1, ..Playback::new(0) }).expect("a clip")
                     });
                     crowd
                 };
-                let (mut ours, mut theirs) = (made(desc), made(CrowdDesc { poses: Some(in_host.poses), ..desc }));
-                for frame in 0..5 {
-                    let what = format!("{} {pose:?} {place:?}, frame {frame}", headless.caps().name);
-                    for crowd in [&mut ours, &mut theirs] {
-                        crowd.set_time(f64::from(frame) / 30.0).expect("a time");
-                        crowd.set_hidden(2, frame == 3).expect("an instance");
-                        crowd.step(&[]).expect("a step");
-                    }
-                    let views = |i, semantic| {
-                        let crowd = theirs.crowd();
-                        (crowd.stream(i, semantic), crowd.previous_stream(i, semantic).unwrap_or(None))
-                    };
-                    assert_equal((&mesh, 3), (&in_host, pose), &mut ours, views, &what);
-                }
-            }
-        }
-    });
-}
-
-#[test]
-fn poses_in_the_hosts_vertices_are_decoded() {
-    on_devices(|headless| {
-        let host = Buffers::new(headless);
-        for (pose, place) in [
-            (PoseFormat::Float32, vertices(false)[1]),
-            (PoseFormat::Fixed32, vertices(false)[1]),
-            (PoseFormat::Fixed16, vertices_of_halves(false)[0]),
-        ] {
-            let mesh = packed(headless, DeltaFormat::Fast, false);
-            let bytes = place.0.pose_bytes(mesh.layout()) * 2 * 2;
-            let in_host = Host::new(&host, place, bytes);
-            let desc = CrowdDesc {
-                instances: 2,
-                poses: Some(in_host.poses),
-                ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() })
-            };
-            let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
-            let count = mesh.layout().vertex_count;
-            let target = host.shared(24 * count);
-            let decoded = OutputTarget { stride: 24, normals: Some(12), ..OutputTarget::new(target.buffer) };
-            // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
-            unsafe { crowd.set_output_target(1, Some(&decoded)) }.expect("a target");
-            for frame in 0..4 {
-                crowd.step(&[&weights(&mesh, frame, 0), &weights(&mesh, frame, 1)]).expect("a step");
-                let bytes = in_host.contents();
-                let found = host.contents::<u32>(&target);
-                for (semantic, first) in [(Semantic::Position, 0), (Semantic::Normal, 3)] {
-                    let view = crowd.crowd().stream(1, semantic).expect("a stream");
-                    let of = |words: &[u32]| -> Vec<u32> {
-                        words.chunks_exact(6).flat_map(|vertex| vertex[first..first + 3].to_vec()).collect()
-                    };
-                    let expected = numbers(&bytes, &view, count);
-                    assert!(expected == of(&found), "{pose:?}, frame {frame}, {semantic}");
-                }
+                let step = |crowd: &mut HeadlessCrowd<'_>, frame| {
+                    crowd.set_time(f64::from(frame) / 30.0).expect("a time");
+                    crowd.set_hidden(2, frame == 3).expect("an instance");
+                    let (step, commands, _) = gpu::recorded(crowd, &[]);
+                    (commands, step.update.stats)
+                };
+                let desc = CrowdDesc { instances: 3, ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() }) };
+                assert_alike((&host, &mesh), (place, desc), (5, false), make, step);
             }
         }
     });

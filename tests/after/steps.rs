@@ -55,6 +55,10 @@ fn influences(vertices: usize, influences: u32) -> (Vec<u16>, Vec<f32>) {
     (joints, weights)
 }
 
+fn skin_desc(influences: u32, (joints, weights): &(Vec<u16>, Vec<f32>)) -> SkinDesc<'_> {
+    SkinDesc { influences, joint_count: JOINTS, joints, weights }
+}
+
 /// Returns the largest angle between normals, in degrees.
 fn apart(found: &[DVec3], expected: &[f64]) -> f64 {
     let expected = expected.as_chunks::<3>().0.iter().map(|n| DVec3::from_array(*n));
@@ -131,52 +135,35 @@ impl<'a> Rig<'a> {
         (source, mesh): (&'a KeptMesh, &Arc<PackedMesh>),
     ) -> Self {
         let vertices = mesh.layout().vertex_count;
-        let written = |place| Written::new(host, vertices, place);
-        let place = [(0, 24, Some(12)), (268, 40, Some(16))][which];
-        let (offset, stride, normals) = place;
-        let (mut skinned, mut surface) = (None, None);
-        let (target, outputs) = match kind {
-            Kind::Pose => {
-                let (offset, stride, normals) = if which == 0 { (0, 12, None) } else { place };
-                let mut outputs = vec![written((offset, stride, normals))];
-                if which == 0 {
-                    outputs.push(written((offset + 4, stride, normals)));
-                }
-                let second = outputs.get(1).map(|other| (other.buffer, offset + 4));
-                let target = OutputTarget { offset, stride, normals, second, ..OutputTarget::new(outputs[0].buffer) };
-                (Target::Output(target), outputs)
-            }
-            Kind::Skinned => {
-                let method = [SkinMethod::Linear, SkinMethod::DualQuaternion][which];
-                let few = (mesh.layout().format == DeltaFormat::Fast) == (which == 0);
-                let per_vertex = if few { 4 } else { 8 };
-                let influences = influences(vertices, per_vertex);
-                let desc = SkinDesc {
-                    influences: per_vertex,
-                    joint_count: JOINTS,
-                    joints: &influences.0,
-                    weights: &influences.1,
-                };
-                let skin = gpu::skin(headless, mesh, &desc).expect("a skin");
-                let joints = Joints::new(host, method, mesh.layout().diagonal);
-                // Two buffers of the same stride in turn, or one.
-                let mut outputs = vec![written(place)];
-                if which == 0 {
-                    outputs.push(written((offset + 4, stride, normals)));
-                }
-                let second = outputs.get(1).map(|other| (other.buffer, offset + 4));
-                let target = OutputTarget { offset, stride, normals, second, ..OutputTarget::new(outputs[0].buffer) };
-                let joints_at = (3 * Joints::STRIDE, joints.offset());
-                skinned = Some(Skinned { skin, per_vertex, influences, method, joints, joints_at });
-                (Target::Output(target), outputs)
-            }
-            Kind::Normals => {
-                surface = Some(gpu::surface(headless, mesh).expect("a surface"));
-                let (offset, stride) = [(0, 12), (20, 28)][which];
-                let output = written((offset, stride, None));
-                (Target::Normals(NormalsTarget { offset, stride, ..NormalsTarget::new(output.buffer) }), vec![output])
+        let (offset, stride, normals) = match (kind, which) {
+            (Kind::Pose | Kind::Normals, 0) => (0, 12, None),
+            (Kind::Normals, _) => (20, 28, None),
+            (Kind::Skinned, 0) => (0, 24, Some(12)),
+            _ => (268, 40, Some(16)),
+        };
+        let mut outputs = vec![Written::new(host, vertices, (offset, stride, normals))];
+        // Two buffers of the same stride in turn, or one.
+        if which == 0 && kind != Kind::Normals {
+            outputs.push(Written::new(host, vertices, (offset + 4, stride, normals)));
+        }
+        let second = outputs.get(1).map(|other| (other.buffer, offset + 4));
+        let target = match kind {
+            Kind::Normals => Target::Normals(NormalsTarget { offset, stride, ..NormalsTarget::new(outputs[0].buffer) }),
+            _ => {
+                Target::Output(OutputTarget { offset, stride, normals, second, ..OutputTarget::new(outputs[0].buffer) })
             }
         };
+        let skinned = (kind == Kind::Skinned).then(|| {
+            let method = [SkinMethod::Linear, SkinMethod::DualQuaternion][which];
+            let few = (mesh.layout().format == DeltaFormat::Fast) == (which == 0);
+            let per_vertex = if few { 4 } else { 8 };
+            let influences = influences(vertices, per_vertex);
+            let skin = gpu::skin(headless, mesh, &skin_desc(per_vertex, &influences)).expect("a skin");
+            let joints = Joints::new(host, method, mesh.layout().diagonal);
+            let joints_at = (3 * Joints::STRIDE, joints.offset());
+            Skinned { skin, per_vertex, influences, method, joints, joints_at }
+        });
+        let surface = (kind == Kind::Normals).then(|| gpu::surface(headless, mesh).expect("a surface"));
         let held = outputs.iter().map(|_| vec![]).collect();
         let (mesh, before, worst) = (mesh.clone(), vec![], (0.0, 0.0));
         Self { kind, mesh, source, target, outputs, held, before, skinned, surface, worst }
@@ -257,12 +244,7 @@ impl<'a> Rig<'a> {
                 (0.0, 0.0)
             }
             (Target::Output(_), Some(Skinned { per_vertex, influences, method, joints, .. })) => {
-                let desc = SkinDesc {
-                    influences: *per_vertex,
-                    joint_count: JOINTS,
-                    joints: &influences.0,
-                    weights: &influences.1,
-                };
+                let desc = skin_desc(*per_vertex, influences);
                 let expected = reference::skin(reference, &desc, *method, &joints.numbers).expect("a skinned pose");
                 let mut padded = held.clone();
                 padded.resize(layout.padded_vertices() * 6, f32::NAN);
@@ -325,12 +307,7 @@ fn each_writes_the_reference_and_only_what_changed() {
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
             // Float32 poses may differ in bits from the twin's: compared with the device's own.
             let integers = update.pose.has_integers();
-            let mut twin = CpuCrowd::new(
-                mesh.clone(),
-                &CrowdDesc { instances: 3, ..CrowdDesc::new(UpdateDesc { path: UpdatePath::Cpu, ..update }) },
-                1,
-            )
-            .expect("a crowd");
+            let mut twin = gpu::cpu_crowd(&mesh, update, 3);
             let mut rigs =
                 [0, 1].map(|which| (which * 2, Rig::new(kind, which as usize, headless, &host, (&source, &mesh))));
             let mut fewer = 0;

@@ -49,7 +49,8 @@ fn play_around(
             scene.drop_one(now + 0.3);
         }
         if dice(&mut state, 5) == 0 {
-            scene.step_together(&[now, now + 0.02]);
+            let both = [now, now + 0.02].map(|now| scene.record(now));
+            scene.run(both.into());
             continue;
         }
         for (from_base, _, _, elements) in scene.step(now).0.values() {
@@ -131,9 +132,7 @@ fn groups_of_very_different_ranges_are_animated_alike() {
                 animated.step(&[]).expect("a step");
                 let mut planned = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
                 planned.step(&[&weights]).expect("a step");
-                let mut on_cpu =
-                    CpuCrowd::new(mesh.clone(), &CrowdDesc::new(UpdateDesc { path: UpdatePath::Cpu, ..update }), 1)
-                        .expect("a crowd");
+                let mut on_cpu = gpu::cpu_crowd(&mesh, update, 1);
                 on_cpu.set_weights(0, &weights).expect("weights");
                 on_cpu.update();
                 for group in 0..mesh.groups().len() {

@@ -16,8 +16,7 @@ fn one_number_of_pixels_steers_the_error_budget_too() {
     let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs"));
     let level = Level::new(1.0);
     let update = UpdateDesc { error_budget: 10.0, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-    let mut crowd =
-        CpuCrowd::new(packed.clone(), &CrowdDesc { instances: 2, ..CrowdDesc::new(update) }, 1).expect("a crowd");
+    let mut crowd = gpu::cpu_crowd(&packed, update, 2);
     let mut written = [0; 2];
     for frame in 0..60 {
         // Away and back; the other instance stays in place, and defers nothing.

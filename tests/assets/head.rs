@@ -1,7 +1,6 @@
 //! The built-in head and its clip.
 
 use crate::prelude::*;
-use deltamorph::internals::diagonal;
 
 fn desc(vertices: usize, targets: usize, sparsity: f32) -> HeadDesc {
     HeadDesc { vertices, targets, sparsity, ..Default::default() }
@@ -33,47 +32,6 @@ fn the_number_of_vertices_is_exact() {
         mesh.faces.corners.iter().for_each(|c| used[c.position as usize] = true);
         assert!(n < 3 || used.iter().all(|u| *u), "{n}: a vertex without a face");
     }
-}
-
-/// Returns, for each vertex, the first vertex of its surface. The skin is the surface of vertex 0.
-fn pieces(source: &Mesh) -> Vec<u32> {
-    fn root(of: &mut [u32], mut v: u32) -> u32 {
-        while of[v as usize] != v {
-            of[v as usize] = of[of[v as usize] as usize];
-            v = of[v as usize];
-        }
-        v
-    }
-    let mut of: Vec<u32> = (0..source.positions.len() as u32).collect();
-    for triangle in source.faces.triangles(&source.positions) {
-        let roots = triangle.map(|v| root(&mut of, v));
-        let first = *roots.iter().min().unwrap();
-        roots.iter().for_each(|r| of[*r as usize] = first);
-    }
-    (0..of.len() as u32).map(|v| root(&mut of, v)).collect()
-}
-
-#[test]
-fn the_surfaces_are_closed_and_face_outwards() {
-    let source = head(&desc(5000, 0, 0.1));
-    let mut edges = HashMap::new();
-    let piece = pieces(&source);
-    let mut volumes = HashMap::<u32, f64>::new();
-    for [a, b, c] in source.faces.triangles(&source.positions) {
-        for edge in [(a, b), (b, c), (c, a)] {
-            assert_eq!(edges.insert(edge, ()), None, "{edge:?} is there twice");
-        }
-        let [p, q, r] = [a, b, c].map(|i| source.positions[i as usize].as_dvec3());
-        *volumes.entry(piece[a as usize]).or_default() += p.dot(q.cross(r)) / 6.0;
-    }
-    assert!(edges.keys().all(|(a, b)| edges.contains_key(&(*b, *a))));
-    // Euler: skin, two eyeballs, two rows of teeth and the tongue are a sphere each.
-    assert_eq!(volumes.len(), 6);
-    assert_eq!(source.positions.len() + source.faces.sizes.len(), edges.len() / 2 + 2 * 6);
-    assert!((2500.0..6500.0).contains(&volumes[&piece[0]]), "{} cm³", volumes[&piece[0]]);
-    assert!(volumes.values().all(|v| *v > 1.0), "{volumes:?}");
-    assert!(source.texcoords.len() > source.positions.len(), "no seam");
-    assert!((35.0..45.0).contains(&diagonal(&source.positions)));
 }
 
 #[test]

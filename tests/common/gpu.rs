@@ -8,11 +8,12 @@ use deltamorph::mesh::{Corner, Faces};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
-    BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, GpuMesh, KeptMesh, MorphEngine, POSE_FLOATS, PackDesc, PackedMesh,
-    PoseError, PoseFormat, Result, UpdateDesc, UpdatePath, WeightClip,
+    BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, DeviceCaps, GpuMesh, KeptMesh, MorphEngine, POSE_FLOATS, PackDesc,
+    PackedMesh, PoseError, PoseFormat, Result, UpdateDesc, UpdatePath, WeightClip,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use std::slice::from_mut;
+use std::sync::Arc;
 
 /// The project's error limits after whole clips: positions, as a fraction of the diagonal…
 pub const POSITION: f64 = 3e-6;
@@ -283,14 +284,15 @@ pub fn reference_group(group: &PackedGroup, desc: &UpdateDesc, weights: &[f32]) 
     numbers.map(|(i, number)| value(i % POSE_FLOATS, number)).collect()
 }
 
-/// Describes a crowd of one instance, with two frames in flight.
-pub fn single(update: UpdateDesc) -> CrowdDesc {
-    CrowdDesc::new(update)
-}
-
 /// Makes a crowd of one instance.
 pub fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc) -> HeadlessCrowd<'a> {
-    HeadlessCrowd::new(headless, mesh, &single(update)).expect("a crowd")
+    HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(update)).expect("a crowd")
+}
+
+/// Makes a crowd on the CPU with the updates of another path, on two threads.
+pub fn cpu_crowd(mesh: &Arc<PackedMesh>, update: UpdateDesc, instances: u32) -> CpuCrowd {
+    let desc = CrowdDesc { instances, ..CrowdDesc::new(UpdateDesc { path: UpdatePath::Cpu, ..update }) };
+    CpuCrowd::new(mesh.clone(), &desc, 2).expect("a crowd")
 }
 
 /// Returns the error of an instance's pose against the reference.

@@ -26,17 +26,9 @@ pub enum Memory {
     /// Deltas of the mesh.
     Deltas,
     /// A pose slot of an instance.
-    Pose {
-        /// The instance.
-        instance: u32,
-        /// The slot.
-        slot: u32,
-    },
+    Pose { instance: u32, slot: u32 },
     /// The integer sums of an instance.
-    Sums {
-        /// The instance.
-        instance: u32,
-    },
+    Sums { instance: u32 },
     /// Clips, and the table of targets by block.
     Clips,
     /// Clips and times that instances play.
@@ -53,9 +45,7 @@ pub enum Memory {
     Arguments,
     /// An output of a post-morph pass.
     After {
-        /// The output.
         resource: Resource,
-        /// The instance.
         instance: u32,
         /// Index of the buffer, of those written in turn.
         output: u32,
@@ -67,7 +57,6 @@ pub enum Memory {
 pub struct Accesses {
     /// The group of the mesh.
     pub group: u32,
-    /// Reads and writes.
     pub uses: Vec<Use<Memory>>,
     /// Read-modify-write: memory that is both read and written is read only by the invocation that writes it, or
     /// atomically.
@@ -203,13 +192,12 @@ fn texture(work: &Work) -> Accesses {
 /// A recorded step or barrier.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// A barrier.
     Barrier(Barrier),
     /// Works of a crowd between two barriers.
     Step {
         /// Index of the crowd in the recording.
         crowd: u32,
-        /// Its works, independent of each other.
+        /// Independent of each other.
         works: Vec<Accesses>,
     },
 }
@@ -234,20 +222,8 @@ pub fn trace(entries: &[Entry], mut accesses: impl FnMut(u32, &[Work]) -> Vec<Ac
 /// Two accesses without a barrier that orders them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// The earlier access.
-    pub before: Use<Memory>,
-    /// The later one.
-    pub after: Use<Memory>,
-}
-
-impl std::fmt::Display for Violation {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { before, after } = self;
-        let kind = |used: &Use<Memory>| if used.access.writes() { "write" } else { "read" };
-        write!(f, "{} after {} on {:?}: ", kind(after), kind(before), after.memory)?;
-        write!(f, "{:?} in {:?} is not ordered before ", before.access, before.stage)?;
-        write!(f, "{:?} in {:?}", after.access, after.stage)
-    }
+    before: Use<Memory>,
+    after: Use<Memory>,
 }
 
 #[derive(Default)]
@@ -295,7 +271,7 @@ impl HazardChecker {
         barrier.iter().for_each(|barrier| self.barrier(barrier));
     }
 
-    /// Like [`Self::draw_group`], for group 0.
+    /// [`Self::draw_group`] of group 0.
     pub fn draw(&mut self, crowd: u32, instance: u32, slot: u32) {
         self.draw_group(crowd, 0, instance, slot);
     }
@@ -328,10 +304,7 @@ impl HazardChecker {
         }
     }
 
-    /// Ends the check.
-    ///
-    /// # Errors
-    /// The accesses that no barrier orders.
+    /// Ends the check; the error has the accesses that no barrier orders.
     pub fn finish(self) -> Result<(), Vec<Violation>> {
         if self.violations.is_empty() { Ok(()) } else { Err(self.violations) }
     }
@@ -409,9 +382,6 @@ fn sees(visible: &[Scope], access: Use<Memory>) -> bool {
 
 /// Counts the barriers of the updates `of`, and asserts that each is needed: without it, `is_right` must return false.
 /// Adjacent barriers count as one (an update without works of a technique has such).
-///
-/// # Panics
-/// `is_right` fails for the updates as they are, or holds without a barrier.
 pub fn barriers_needed(
     updates: &[Vec<Event>],
     of: impl IntoIterator<Item = usize>,

@@ -12,18 +12,30 @@ use std::sync::{Arc, Mutex};
 pub struct Host {
     pub device: ash::Device,
     queue: Mutex<vk::Queue>,
+    /// Buffers have device addresses.
+    addresses: bool,
 }
 
 impl Host {
     pub fn new(headless: &Headless) -> Arc<Self> {
+        Self::with(headless, false)
+    }
+
+    /// A device whose buffers may have addresses, if `addresses` says so.
+    pub fn with(headless: &Headless, addresses: bool) -> Arc<Self> {
         let (instance, physical, _) = headless.handles();
         let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
-        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+        let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+        let mut feature = vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true);
+        let names = [ash::khr::buffer_device_address::NAME.as_ptr()];
+        if addresses {
+            info = info.enabled_extension_names(&names).push_next(&mut feature);
+        }
         // SAFETY: the physical device is the instance's own; software drivers have one family of queues.
         let device = unsafe { instance.create_device(physical, &info, None) }.expect("a device");
         // SAFETY: as above.
         let queue = Mutex::new(unsafe { device.get_device_queue(0, 0) });
-        Arc::new(Self { device, queue })
+        Arc::new(Self { device, queue, addresses })
     }
 
     pub fn allocator(self: &Arc<Self>, headless: &Headless) -> SharedAllocator {
@@ -33,7 +45,7 @@ impl Host {
             device: self.device.clone(),
             physical_device,
             debug_settings: AllocatorDebugSettings::default(),
-            buffer_device_address: false,
+            buffer_device_address: self.addresses,
             allocation_sizes: AllocationSizes::new(1 << 20, 1 << 20),
         });
         SharedAllocator::new(Arc::new(Mutex::new(allocator.expect("an allocator"))), Some(self.clone()))

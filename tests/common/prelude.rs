@@ -1,7 +1,7 @@
 //! What most files of the test program use.
 
 pub use crate::buffers::{Buffers, Shared};
-pub use crate::gpu::{NORMAL, drivers, is_kept, on_device, on_every_device, single, update_descs};
+pub use crate::gpu::{NORMAL, drivers, is_kept, on_device, on_every_device, update_descs};
 pub use crate::hazards::{Event, HazardChecker};
 pub(crate) use crate::{data, gpu, testing};
 pub use deltamorph::after::{GpuNormals, GpuSkin, Joints, NormalsTarget, OutputTarget, SkinDesc, SkinMethod};

@@ -7,6 +7,7 @@ use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::update::animated::Playbacks;
 use deltamorph::internals::update::blocks::WorkList;
+use deltamorph_headless::Recorded;
 use std::collections::{BTreeMap, BTreeSet};
 
 pub fn head_desc() -> HeadDesc {
@@ -53,6 +54,12 @@ pub fn fixed(pose: PoseFormat, slots: u32) -> UpdateDesc {
     UpdateDesc { pose, slots, ..UpdateDesc::blocks() }
 }
 
+/// Makes a crowd for full evaluations on the CPU, one at a time.
+pub fn full_evaluations(mesh: &Arc<PackedMesh>, update: UpdateDesc) -> CpuCrowd {
+    let rebuilt = UpdateDesc { mode: UpdateMode::Rebuild, slots: 1, error_budget: 0.0, ..update };
+    gpu::cpu_crowd(mesh, rebuilt, 1)
+}
+
 /// Returns the grid of an animated crowd with the update `desc`.
 pub fn grid(mesh: &PackedMesh, desc: &UpdateDesc) -> PoseGrid {
     desc.grid(mesh.layout()).expect("a grid").expect("poses of integers")
@@ -79,18 +86,23 @@ pub struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     pub fn new(headless: &'a Headless, mesh: &Arc<PackedMesh>, desc: CrowdDesc, animation: &AnimationDesc<'_>) -> Self {
-        let rebuilt = UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, ..fixed(desc.update.pose, 1) };
         Self {
             widest: headless.caps().tuning.widest_tile,
             crowd: HeadlessCrowd::animated(headless, mesh, &desc, animation).expect("a crowd"),
             heads: Playbacks::new(desc.instances),
             clips: Clips::new(animation, mesh.layout(), grid(mesh, &desc.update)).expect("clips"),
             reference: AnimatedReference::new(desc.update, mesh.layout(), desc.instances).expect("a reference"),
-            fresh: CpuCrowd::new(mesh.clone(), &CrowdDesc::new(rebuilt), 1).expect("a crowd"),
+            fresh: full_evaluations(mesh, desc.update),
             hidden: vec![false; desc.instances as usize],
             mesh: mesh.clone(),
             desc,
         }
+    }
+
+    /// Starts as if `updates` updates had been recorded.
+    pub fn begin_at(&mut self, updates: u64) {
+        self.crowd.begin_at(updates);
+        self.heads.begin_at(updates);
     }
 
     pub fn play(&mut self, instance: u32, playback: Playback) {
@@ -109,6 +121,11 @@ impl<'a> Scene<'a> {
         self.hidden[instance as usize] = hidden;
     }
 
+    pub fn reset_history(&mut self, instance: u32) {
+        self.crowd.reset_history(instance).expect("an instance");
+        self.heads.reset_history(instance);
+    }
+
     pub fn remove(&mut self, instance: u32) {
         self.crowd.remove(instance).expect("an instance");
         self.heads.set_hidden(instance, true);
@@ -125,19 +142,28 @@ impl<'a> Scene<'a> {
     /// Updates both to the time `seconds`, and compares plan and weights.
     pub fn step(&mut self, seconds: f64) -> (Plan, Vec<Entry>) {
         self.crowd.set_time(seconds).expect("a time");
-        self.heads.set_time(seconds).expect("a time");
         let (_, commands, _) = gpu::recorded(&mut self.crowd, &[]);
-        let update = self.heads.update(&self.clips);
-        let expected = of_list(self.reference.update(&self.clips, &self.heads, update));
+        self.update_twin(seconds);
         // A sample of many instances.
         let some = (0..self.desc.instances).step_by(1 + self.desc.instances as usize / 50);
         for instance in some.filter(|&i| !self.hidden[i as usize]) {
             let weights = self.crowd.read_weights(instance).expect("weights");
             assert_eq!(weights, self.reference.weights(instance as usize), "weights of head {instance} at {seconds}");
         }
+        (self.assert_planned(), commands)
+    }
+
+    fn update_twin(&mut self, seconds: f64) {
+        self.heads.set_time(seconds).expect("a time");
+        let update = self.heads.update(&self.clips);
+        self.reference.update(&self.clips, &self.heads, update);
+    }
+
+    /// Asserts that the plan of the last update is the reference's.
+    fn assert_planned(&mut self) -> Plan {
         let plan = of_groups(&read_plan(&mut self.crowd), self.desc.update.slots, self.widest, &self.mesh);
-        assert_eq!(plan, expected, "{:?} at {seconds}", self.desc);
-        (plan, commands)
+        assert_eq!(plan, of_list(self.reference.list()), "{:?}", self.desc);
+        plan
     }
 
     /// Records an update at `seconds` that never runs. The reference is not updated.
@@ -147,19 +173,17 @@ impl<'a> Scene<'a> {
         self.crowd.discard(update.ticket).expect("a ticket of this crowd");
     }
 
-    /// Records updates at these times, then runs them all at once; compares the last plan with the reference's.
-    pub fn step_together(&mut self, seconds: &[f64]) {
-        let (mut recorded, mut expected) = (vec![], Plan::new());
-        for &seconds in seconds {
-            self.crowd.set_time(seconds).expect("a time");
-            self.heads.set_time(seconds).expect("a time");
-            recorded.push(self.crowd.record(&[]).expect("a recording").0);
-            let update = self.heads.update(&self.clips);
-            expected = of_list(self.reference.update(&self.clips, &self.heads, update));
-        }
+    /// Records an update at `seconds`, for [`run`](Self::run).
+    pub fn record(&mut self, seconds: f64) -> Recorded {
+        self.crowd.set_time(seconds).expect("a time");
+        self.update_twin(seconds);
+        self.crowd.record(&[]).expect("a recording").0
+    }
+
+    /// Runs updates all at once; compares the last plan with the reference's.
+    pub fn run(&mut self, recorded: Vec<Recorded>) {
         self.crowd.submit(recorded).expect("a submission");
-        let plan = of_groups(&read_plan(&mut self.crowd), self.desc.update.slots, self.widest, &self.mesh);
-        assert_eq!(plan, expected, "{:?} at {seconds:?}", self.desc);
+        self.assert_planned();
     }
 
     /// Asserts that an instance's stored and decoded poses equal a full evaluation bit for bit.

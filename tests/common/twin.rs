@@ -1,8 +1,6 @@
 //! The CPU twin of the kernels that sample and plan (`glsl/animate.comp`, `glsl/plan.glsl`): the planner of block
 //! formats, with the choices of the GPU.
 
-#![allow(dead_code, reason = "unit tests use less of it")]
-
 use deltamorph::internals::abi::numbers::{HIDDEN, LOOP, PLAYING, REVERSED};
 use deltamorph::internals::update::animated::{PlaybackRecord, Playbacks};
 use deltamorph::internals::update::blocks::{BlockState, GroupPlan, WorkList};
@@ -37,7 +35,7 @@ impl AnimatedReference {
     }
 
     /// Samples and plans update `update`, which [`Playbacks::update`] has just returned.
-    pub fn update(&mut self, clips: &Clips, heads: &Playbacks, update: u64) -> &WorkList {
+    pub fn update(&mut self, clips: &Clips, heads: &Playbacks, update: u64) {
         self.group.clear();
         let slots = [update + u64::from(self.slots) - 1, update].map(|update| (update % u64::from(self.slots)) as u32);
         for (i, (instance, record)) in self.instances.iter_mut().zip(heads.records()).enumerate() {
@@ -56,6 +54,10 @@ impl AnimatedReference {
             // Slots rotate in every update, even without changes.
             state.emit(&mut self.group, i, slots, known);
         }
+    }
+
+    /// The work of the last update.
+    pub fn list(&self) -> &WorkList {
         &self.group.list
     }
 
@@ -75,13 +77,13 @@ fn between(record: &PlaybackRecord, frames: u32, now: u32) -> (u32, u32, u32) {
 }
 
 /// k0 + (k1 − k0) · f · 2⁻¹⁶, rounded to nearest.
-pub fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
+fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
     let product = i64::from(k1 - k0) * i64::from(f);
     k0 + ((product + 0x8000) >> 16) as i32
 }
 
 /// The weights of an instance at tick `now`, in steps of the grid, as in `glsl/animate.comp`.
-pub fn sample(clips: &Clips, record: &PlaybackRecord, now: u32) -> Vec<i32> {
+fn sample(clips: &Clips, record: &PlaybackRecord, now: u32) -> Vec<i32> {
     if !record.has(PLAYING) {
         return vec![0; clips.targets()];
     }
@@ -93,7 +95,7 @@ pub fn sample(clips: &Clips, record: &PlaybackRecord, now: u32) -> Vec<i32> {
 }
 
 /// A key of a clip, in steps of the grid.
-pub fn key(clips: &Clips, clip: usize, frame: u32, target: usize) -> i32 {
+fn key(clips: &Clips, clip: usize, frame: u32, target: usize) -> i32 {
     let [first, _, shift, bits] = clips.words().as_chunks().0[clip];
     let at = frame as usize * clips.targets() + target;
     if bits == 32 {

@@ -1,11 +1,8 @@
 //! Places of poses, known before the first update; additional usages; refused calls.
 
 use crate::gpu::weights;
+use crate::host::Host;
 use crate::prelude::*;
-use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
-use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
-use deltamorph::memory::SharedAllocator;
-use std::sync::Mutex;
 
 fn packed(engine: &MorphEngine, format: DeltaFormat, with_streams: bool) -> PackedMesh {
     let mesh = testing::mesh(300, 11);
@@ -197,48 +194,26 @@ fn pose_buffers_have_addresses_where_the_host_enabled_them() {
                 assert_ne!(driver, "llvmpipe");
                 return;
             }
-            let mut feature = vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true);
-            let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
-            let names = [name.as_ptr()];
-            let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&names);
-            // SAFETY: the extension is there; all that is made is destroyed before the device.
-            unsafe {
-                let device = instance.create_device(physical, &info.push_next(&mut feature), None).expect("a device");
-                let pool = device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None).expect("a pool");
-                let commands = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
-                let cmd = device.allocate_command_buffers(&commands).expect("a command buffer")[0];
-                device.begin_command_buffer(cmd, &vk::CommandBufferBeginInfo::default()).expect("recording");
-                let shared = Allocator::new(&AllocatorCreateDesc {
-                    instance: instance.clone(),
-                    device: device.clone(),
-                    physical_device: physical,
-                    debug_settings: AllocatorDebugSettings::default(),
-                    buffer_device_address: true,
-                    allocation_sizes: AllocationSizes::default(),
-                });
-                let shared = SharedAllocator::new(Arc::new(Mutex::new(shared.expect("an allocator"))), None);
-                for allocator in [None, Some(shared)] {
-                    let desc =
-                        DeviceDesc { buffer_device_address: true, ..DeviceDesc::new(instance, physical, &device) };
-                    let engine = MorphEngine::new(&DeviceDesc { allocator, ..desc }).expect("an engine");
-                    let mesh = packed(&engine, DeltaFormat::Fast, true);
-                    let uploaded = engine.upload(cmd, &mesh).expect("an upload");
-                    let desc = CrowdDesc {
-                        pose_usage: vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
-                        ..CrowdDesc::new(UpdateDesc::blocks())
-                    };
-                    let crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
-                    let functions = ash::khr::buffer_device_address::Device::new(instance, &device);
-                    for semantic in [Semantic::Position, Semantic::Tangent] {
-                        let buffer = crowd.pose_buffer(semantic).expect("a stream").first.buffer;
-                        let info = vk::BufferDeviceAddressInfo::default().buffer(buffer);
-                        assert_ne!(functions.get_buffer_device_address(&info), 0, "{driver} {semantic}");
-                    }
-                    device.reset_command_pool(pool, vk::CommandPoolResetFlags::empty()).expect("a reset");
-                    device.begin_command_buffer(cmd, &vk::CommandBufferBeginInfo::default()).expect("recording");
+            let host = Host::with(headless, true);
+            for allocator in [None, Some(host.allocator(headless))] {
+                let desc =
+                    DeviceDesc { buffer_device_address: true, ..DeviceDesc::new(instance, physical, &host.device) };
+                // SAFETY: the handles belong together, and outlive the engine; the device has the feature.
+                let engine = unsafe { MorphEngine::new(&DeviceDesc { allocator, ..desc }) }.expect("an engine");
+                let mesh = packed(&engine, DeltaFormat::Fast, true);
+                let uploaded = host.upload(&engine, &mesh);
+                let desc = CrowdDesc {
+                    pose_usage: vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
+                    ..CrowdDesc::new(UpdateDesc::blocks())
+                };
+                let crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+                let functions = ash::khr::buffer_device_address::Device::new(instance, &host.device);
+                for semantic in [Semantic::Position, Semantic::Tangent] {
+                    let buffer = crowd.pose_buffer(semantic).expect("a stream").first.buffer;
+                    let info = vk::BufferDeviceAddressInfo::default().buffer(buffer);
+                    // SAFETY: the buffer is alive, and has the usage.
+                    assert_ne!(unsafe { functions.get_buffer_device_address(&info) }, 0, "{driver} {semantic}");
                 }
-                device.destroy_command_pool(pool, None);
-                device.destroy_device(None);
             }
         });
     }

@@ -129,7 +129,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose_of_the_gpu() {
                 let packed = gpu::packed(engine, &mesh, format);
                 assert_eq!(packed.groups().len(), 2);
                 for update in updates(headless, format) {
-                    let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(update)).unwrap();
+                    let mut crowd = HeadlessCrowd::new(headless, &packed, &CrowdDesc::new(update)).unwrap();
                     for frame in 0..30 {
                         crowd.step(&[&gpu::weights(&packed, frame, 11)]).unwrap();
                         for group in 0..packed.groups().len() {

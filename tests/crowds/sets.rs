@@ -11,10 +11,7 @@ fn weights_are_set_one_at_a_time_and_read_back() {
     let name = |target: usize| mesh.layout().targets[target].name.clone();
     assert_eq!(mesh.layout().target_index(&name(4)), Some(4));
     assert_eq!(mesh.layout().target_index("no such target"), None);
-    let desc = UpdateDesc { path: UpdatePath::Cpu, ..fixed()[0] };
-    let [mut one, mut other] = [(); 2].map(|()| {
-        CpuCrowd::new(mesh.clone(), &CrowdDesc { instances: 2, ..CrowdDesc::new(desc) }, 1).expect("a crowd")
-    });
+    let [mut one, mut other] = [(); 2].map(|()| gpu::cpu_crowd(&mesh, fixed()[0], 2));
     let mut asked: Vec<f32> = (0..9).map(|target| target as f32 / 8.0).collect();
     one.set_weights(1, &asked).expect("weights");
     (asked[2], asked[4]) = (0.625, -0.5);
@@ -42,8 +39,8 @@ fn a_weight_that_makes_too_many_active_is_refused_alone() {
     on_every_device(|headless, engine| {
         let mesh = packed(engine, &testing::mesh(64, 4), DeltaFormat::Float32);
         let desc = UpdateDesc::new(deltamorph_baselines::DIRECT_ATTRIBUTES, BatchSize::Targets(2));
-        let host = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-        let mut crowd = engine.create_crowd(host.mesh(), &single(desc)).expect("a crowd");
+        let host = HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(desc)).expect("a crowd");
+        let mut crowd = engine.create_crowd(host.mesh(), &CrowdDesc::new(desc)).expect("a crowd");
         crowd.set_weights(0, &[0.5, 0.0, 0.5, 0.0]).expect("two active");
         says(crowd.set_weight(0, 1, 0.5), &["3 active", "attributes for 2"]);
         assert_eq!(crowd.weights(0).unwrap(), [0.5, 0.0, 0.5, 0.0]);

@@ -62,9 +62,7 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
     says(skin(5, &[0.0; 12], SkinMethod::Linear), "use 4 or 8 influences");
 
     for format in [DeltaFormat::Float32, DeltaFormat::Fast] {
-        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let mut crowd = CpuCrowd::new(Arc::new(packed(format)), &CrowdDesc { instances: 2, ..CrowdDesc::new(desc) }, 1)
-            .expect("a crowd");
+        let mut crowd = gpu::cpu_crowd(&Arc::new(packed(format)), UpdateDesc::blocks(), 2);
         says(crowd.add(), "all in use");
         says(crowd.set_hidden(2, true), "instance 2 of a crowd of 2");
         says(crowd.remove(2), "instance 2 of a crowd of 2");

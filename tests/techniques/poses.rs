@@ -93,43 +93,6 @@ fn more_workgroups_than_a_dispatch_has() {
     }
 }
 
-/// The sums that atomics add up in any order equal what fixed32 poses add to the base pose, and rounding weights to the
-/// grid moves no component further than half a weight step times Σ |delta|.
-#[test]
-fn scattered_sums_are_those_of_fixed32_poses() {
-    on_every_device(|headless, engine| {
-        let mesh = Arc::new(packed(engine, &testing::mesh(700, 23), Small));
-        let update = UpdateDesc::new(deltamorph_baselines::SCATTER, BatchSize::All);
-        let mut crowd = gpu::crowd(headless, &mesh, update);
-        let exact = UpdateDesc { pose: PoseFormat::Fixed32, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        let mut reference = CpuCrowd::new(mesh.clone(), &CrowdDesc::new(exact), 1).expect("a crowd");
-        let grid = exact.grid(mesh.layout()).expect("a grid").expect("integers");
-        let base = PoseFormat::Fixed32.integers(reference.stored_pose(0, 0).expect("an instance"));
-        let mut reach = vec![0.0f64; mesh.layout().vertex_count * 6];
-        for target in 0..23 {
-            mesh.for_each_delta(target, |vertex, delta| {
-                (0..6).for_each(|c| reach[vertex * 6 + c] += delta[c].abs());
-            });
-        }
-        for weights in history(&mesh, &update, 8) {
-            crowd.step(&[&weights]).expect("a step");
-            reference.set_weights(0, &weights).expect("weights");
-            reference.update();
-            let sums = crowd.read_sums(0).expect("a device that works").expect("sums");
-            let poses = PoseFormat::Fixed32.integers(reference.stored_pose(0, 0).expect("an instance"));
-            assert!(poses.iter().zip(&base).map(|(pose, base)| pose - base).eq(sums));
-            let (pose, unrounded) = (crowd.read_pose(0).expect("a pose"), evaluate(&mesh, &weights));
-            for ((got, want), reach) in pose.iter().zip(&unrounded).zip(&reach) {
-                let rounding = 4.0 * f64::from(f32::EPSILON) * (want.abs() + reach);
-                let bound = 0.5 * f64::from(grid.weight_step()) * reach + rounding;
-                assert!((f64::from(*got) - want).abs() <= bound, "{got} for {want}, {bound:e} allowed");
-            }
-        }
-        let too_large = vec![grid.weight_max * 1.01; 23];
-        assert!(crowd.step(&[&too_large]).is_err(), "a weight that could overflow");
-    });
-}
-
 #[test]
 fn bytes_are_those_that_kernels_load_and_store() {
     let weights = [0.0, 0.5, 1.0, 0.0, -1.0, 0.0, 0.0];
@@ -208,9 +171,7 @@ fn poses_are_those_of_a_device_that_works_between_updates() {
 fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
     on_every_device(|headless, engine| {
         let mesh = Arc::new(packed(engine, &testing::mesh(400, 9), Fast));
-        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let mut crowd =
-            CpuCrowd::new(mesh.clone(), &CrowdDesc { instances: 2, ..CrowdDesc::new(desc) }, 1).expect("a crowd");
+        let mut crowd = gpu::cpu_crowd(&mesh, UpdateDesc::blocks(), 2);
         let mut upload = PoseUpload::new(headless, mesh.layout(), 2).expect("buffers");
         for frame in 0..3 {
             for head in 0..2 {

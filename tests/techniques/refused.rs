@@ -50,7 +50,7 @@ fn devices_that_lack_what_a_technique_needs() {
         within(change, |headless, _| {
             let format = row.path.formats()[0];
             let mesh = PackedMesh::pack(&testing::mesh(10, 2), &PackDesc::new(format)).expect("a mesh");
-            let desc = single(UpdateDesc::new(row.path, BatchSize::Targets(1)));
+            let desc = CrowdDesc::new(UpdateDesc::new(row.path, BatchSize::Targets(1)));
             let device = if row.path == UpdatePath::Cpu { "" } else { &headless.caps().name };
             says(HeadlessCrowd::new(headless, &mesh, &desc), &[words, &[device]].concat());
         });
@@ -72,18 +72,18 @@ fn meshes_that_a_technique_does_not_take() {
                 let batch = row.batch(engine, path.formats()[0]);
                 let most = engine.caps().batch_max(path, mesh.layout().format);
                 assert!(path.takes_all_targets() || most == Some(0), "{path:?}: {most:?}");
-                let made = HeadlessCrowd::new(headless, mesh, &single(UpdateDesc::new(path, batch)));
+                let made = HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(UpdateDesc::new(path, batch)));
                 says(made, &[path.name(), &format!("pack the mesh as {}", names.join(" or "))]);
             }
             let format = path.formats()[0];
             let mesh = plain.iter().find(|mesh| mesh.layout().format == format).expect("one of all");
             if let Some(most) = engine.caps().batch_max(path, format).filter(|_| path != UpdatePath::Cpu) {
-                let desc = single(UpdateDesc::new(path, BatchSize::Targets(most + 1)));
+                let desc = CrowdDesc::new(UpdateDesc::new(path, BatchSize::Targets(most + 1)));
                 let what = format!("batch size {}", most + 1);
                 says(HeadlessCrowd::new(headless, mesh, &desc), &[&what, &format!("use 1 to {most}")]);
             }
             if !row.streams {
-                let desc = single(UpdateDesc::new(path, row.batch(engine, format)));
+                let desc = CrowdDesc::new(UpdateDesc::new(path, row.batch(engine, format)));
                 let made = HeadlessCrowd::new(headless, &packed(engine, &streams, format), &desc);
                 says(made, &[path.name(), "'blocks'"]);
             }
@@ -99,7 +99,7 @@ fn limits_are_kept_or_refused_with_the_numbers() {
                 if engine.caps().check_path(row.path).is_ok() {
                     let desc = PackDesc::new(row.path.formats()[0]);
                     let mesh = PackedMesh::pack(&testing::mesh(1000, 5), &desc).expect("a mesh");
-                    let desc = single(UpdateDesc::new(row.path, BatchSize::Targets(1)));
+                    let desc = CrowdDesc::new(UpdateDesc::new(row.path, BatchSize::Targets(1)));
                     says(HeadlessCrowd::new(headless, &mesh, &desc), words);
                 }
             });
@@ -118,7 +118,7 @@ fn uploads_of_another_technique() {
             [(Small, scatter, UpdateDesc::blocks()), (Float32, texture, compute), (Float32, compute, texture)]
         {
             let crowd = gpu::crowd(headless, &packed(engine, &testing::mesh(100, 4), format), uploaded);
-            says(engine.create_crowd(crowd.mesh(), &single(wanted)), &["have uploads of their own"]);
+            says(engine.create_crowd(crowd.mesh(), &CrowdDesc::new(wanted)), &["have uploads of their own"]);
         }
     });
 }
@@ -129,9 +129,9 @@ fn misuse_is_an_error_that_says_what_to_do() {
         let mesh = packed(engine, &testing::mesh(10, 2), Float32);
         let desc = gpu::update_descs(engine, Float32)[0];
         for (desc, words) in [
-            (CrowdDesc { instances: 0, ..single(desc) }, "0 instances"),
-            (CrowdDesc { frames_in_flight: 0, ..single(desc) }, "0 frames in flight"),
-            (CrowdDesc { instances: 1 << 24, ..single(desc) }, "use fewer instances"),
+            (CrowdDesc { instances: 0, ..CrowdDesc::new(desc) }, "0 instances"),
+            (CrowdDesc { frames_in_flight: 0, ..CrowdDesc::new(desc) }, "0 frames in flight"),
+            (CrowdDesc { instances: 1 << 24, ..CrowdDesc::new(desc) }, "use fewer instances"),
         ] {
             says(HeadlessCrowd::new(headless, &mesh, &desc), &[words]);
         }

@@ -181,7 +181,7 @@ fn groups_share_steps_and_barriers() {
                         }
                         shape.push(events.iter().filter(|event| matches!(event, Event::Barrier(_))).count());
                     }
-                    checker.finish().unwrap_or_else(|found| panic!("{desc:?}: {}", found[0]));
+                    assert_eq!(checker.finish(), Ok(()), "{desc:?}");
                     shape
                 };
                 // With texels each dispatch is a step, and a group whose blocks partly start from the base pose has
@@ -200,8 +200,7 @@ fn the_cpu_updates_every_stream() {
     for format in DeltaFormat::ALL {
         let mesh = Arc::new(packed(&PackDesc::new(format)));
         let desc = UpdateDesc { tolerance: 1e-2, path: UpdatePath::Cpu, ..UpdateDesc::blocks() };
-        let mut crowd = CpuCrowd::new(mesh.clone(), &CrowdDesc { instances: HEADS as u32, ..CrowdDesc::new(desc) }, 2)
-            .expect("a crowd");
+        let mut crowd = gpu::cpu_crowd(&mesh, desc, HEADS as u32);
         for frame in 0..12 {
             let asked = [0, 1, 2].map(|head| requested(&mesh, &desc, frame, head));
             (0..).zip(&asked).for_each(|(head, asked)| crowd.set_weights(head, asked).expect("weights"));

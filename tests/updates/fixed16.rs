@@ -1,13 +1,8 @@
-//! 16-bit poses: distance from float64 on captured clips, memory, largest weights, and unusual meshes.
+//! 16-bit poses: distance from float64 on captured clips.
 
 use crate::prelude::*;
-use deltamorph::mesh::KeptTarget;
 use deltamorph::reference::angle_degrees;
 use glam::DVec3;
-
-fn on_cpu(pose: PoseFormat) -> UpdateDesc {
-    UpdateDesc { path: UpdatePath::Cpu, pose, ..UpdateDesc::blocks() }
-}
 
 /// Returns, for every `every`-th frame of a clip, the largest position error against the requested weights, as a
 /// fraction of the diagonal, and the normal error in degrees of 99 in 100 vertices. Asserts the stated bound, and
@@ -15,9 +10,9 @@ fn on_cpu(pose: PoseFormat) -> UpdateDesc {
 fn errors(pose: PoseFormat, (set, clip, every): (&str, &str, usize)) -> Option<[f64; 3]> {
     let (mesh, frames) = data::face(set, clip)?;
     let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs"));
-    let desc = on_cpu(pose);
+    let desc = UpdateDesc { pose, ..UpdateDesc::blocks() };
     let grid = desc.grid(packed.layout()).expect("a grid").expect("integers");
-    let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 2).expect("a crowd");
+    let mut crowd = gpu::cpu_crowd(&packed, desc, 1);
     let (mut worst, mut share, mut largest_bound, mut angles) = (0.0f64, 0.0f64, 0.0f64, vec![]);
     for weights in frames.into_iter().step_by(every) {
         crowd.set_weights(0, &weights).expect("weights");
@@ -76,49 +71,4 @@ fn a_dense_rig_is_as_exact_where_sums_are_rounded_once() {
     let [position, normal, bound] = errors(PoseFormat::Rebuilt16, clip).expect("the same set");
     assert!(position <= 8.7e-5 && normal <= 0.3, "{position:e}, {normal}°");
     assert!(bound <= 10.0 * position, "{bound:e} stated, {position:e} found");
-}
-
-/// Two slots of 12 bytes per vertex for each instance; besides them, only lists grow with vertices.
-#[test]
-fn a_crowd_takes_24_bytes_a_vertex_for_two_slots() {
-    const HEADS: u32 = 100;
-    let mut mesh = testing::mesh(6400, 1);
-    mesh.targets[0] = one_vertex(&mesh, "target_0", 5);
-    gpu::on_every_device(|headless, engine| {
-        let mesh = gpu::packed(engine, &mesh, DeltaFormat::Fast);
-        let vertices = u64::from(HEADS) * 6400;
-        let made = |pose| {
-            let desc = CrowdDesc {
-                instances: HEADS,
-                frames_in_flight: 1,
-                ..CrowdDesc::new(UpdateDesc { pose, ..UpdateDesc::blocks() })
-            };
-            let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
-            crowd.step(&[]).expect("a step");
-            let view = crowd.crowd().pose(HEADS - 1).expect("a pose");
-            assert_eq!((u64::from(view.stride), view.size), (pose.stride() as u64, 6400 * pose.stride() as u64));
-            // Memory of the crowd, with a base pose in its format; and of the mesh, which has three numbers of 8 bytes
-            // per vertex, once.
-            (engine.memory().allocated, Crowd::pose_bytes(&mesh, &desc))
-        };
-        let (of_16, poses_of_16) = made(PoseFormat::Fixed16);
-        let (of_32, poses_of_32) = made(PoseFormat::Fixed32);
-        assert_eq!((poses_of_16, poses_of_32), (24 * vertices, 48 * vertices));
-        assert_eq!(of_32 - of_16, 24 * vertices + 12 * 6400, "poses and their base are all that differs");
-        let rest = (of_16 - poses_of_16) as f64 / vertices as f64;
-        assert!(rest < 6.0, "{}: {rest} bytes a vertex beside the poses", headless.caps().name);
-    });
-}
-
-/// Makes a target that moves one vertex, in all three components.
-fn one_vertex(mesh: &KeptMesh, name: &str, vertex: u32) -> KeptTarget {
-    let part = |v: glam::Vec3| vec![v * 0.25 + 0.01];
-    let (position, normal) = (mesh.positions[vertex as usize], mesh.normals[vertex as usize]);
-    KeptTarget {
-        name: name.into(),
-        vertices: vec![vertex],
-        positions: part(position),
-        normals: part(normal),
-        ..KeptTarget::default()
-    }
 }

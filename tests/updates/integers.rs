@@ -2,6 +2,7 @@
 //! driver and on the CPU, and the previous pose those of the pose before.
 
 use crate::prelude::*;
+use crate::scene::full_evaluations;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 
@@ -82,12 +83,9 @@ fn poses(mesh: &PackedMesh, crowd: &CpuCrowd, instance: u32) -> Poses {
 
 impl Expected {
     fn new(mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize) -> Self {
-        let rebuilt =
-            UpdateDesc { path: UpdatePath::Cpu, mode: UpdateMode::Rebuild, slots: 1, error_budget: 0.0, ..desc };
         let most = desc.grid(mesh.layout()).expect("a grid").expect("integers").weight_max;
         let head = Head { asked: vec![0.0; TARGETS], pose: None, before: None, hidden: false, cut: false };
-        let fresh = CpuCrowd::new(mesh.clone(), &CrowdDesc::new(rebuilt), 1).expect("a crowd");
-        Self { mesh: mesh.clone(), fresh, most, heads: vec![head; heads] }
+        Self { mesh: mesh.clone(), fresh: full_evaluations(mesh, desc), most, heads: vec![head; heads] }
     }
 
     fn evaluate(&mut self, weights: &[f32]) -> Poses {
@@ -146,12 +144,7 @@ fn previous(mesh: &PackedMesh, crowd: &CpuCrowd, i: u32) -> Vec<Option<Vec<f32>>
 fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize, frames: &Frames) {
     let instances = CrowdDesc { instances: heads as u32, ..CrowdDesc::new(desc) };
     let mut device = HeadlessCrowd::new(headless, mesh, &instances).expect("a crowd");
-    let mut cpu = CpuCrowd::new(
-        mesh.clone(),
-        &CrowdDesc { instances: heads as u32, ..CrowdDesc::new(UpdateDesc { path: UpdatePath::Cpu, ..desc }) },
-        2,
-    )
-    .expect("a crowd");
+    let mut cpu = gpu::cpu_crowd(mesh, desc, heads as u32);
     let mut expected = Expected::new(mesh, desc, heads);
     for (number, (frame, events)) in frames.iter().enumerate() {
         let what =
@@ -265,12 +258,7 @@ fn play_with_a_budget(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateD
     let allowed = f64::from(budget + grid.position_error(TARGETS) + 1e-6 * mesh.layout().diagonal);
     let instances = CrowdDesc { instances: heads as u32, ..CrowdDesc::new(desc) };
     let mut device = HeadlessCrowd::new(headless, mesh, &instances).expect("a crowd");
-    let mut cpu = CpuCrowd::new(
-        mesh.clone(),
-        &CrowdDesc { instances: heads as u32, ..CrowdDesc::new(UpdateDesc { path: UpdatePath::Cpu, ..desc }) },
-        2,
-    )
-    .expect("a crowd");
+    let mut cpu = gpu::cpu_crowd(mesh, desc, heads as u32);
     let mut expected = Expected::new(mesh, desc, heads);
     let step = |device: &mut HeadlessCrowd<'_>, cpu: &mut CpuCrowd| {
         device.step(&[]).expect("a step");

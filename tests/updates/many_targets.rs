@@ -12,9 +12,8 @@ fn walk(mesh: &KeptMesh, format: DeltaFormat) {
     let diagonal = f64::from(mesh.diagonal);
     gpu::on_device(&gpu::one(), false, |headless, _| {
         let mut on_device = gpu::crowd(headless, &packed, UpdateDesc::blocks());
-        let on_cpu = |tolerance| UpdateDesc { tolerance, path: UpdatePath::Cpu, ..UpdateDesc::blocks() };
-        let [mut default, mut wide] = [1e-5, 2e-3]
-            .map(|tolerance| CpuCrowd::new(packed.clone(), &CrowdDesc::new(on_cpu(tolerance)), 1).expect("a crowd"));
+        let [mut default, mut wide] =
+            [1e-5, 2e-3].map(|tolerance| gpu::cpu_crowd(&packed, UpdateDesc { tolerance, ..UpdateDesc::blocks() }, 1));
         let (mut rng, mut bytes) = (Rng::new(7, 0), [0; 2]);
         let mut weights: Vec<f32> = mesh.targets.iter().map(|_| rng.unit()).collect();
         for frame in 0..FRAMES {

@@ -53,9 +53,7 @@ fn clip_in(updates: fn(&MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)>, set: &st
         for (format, desc) in updates(engine) {
             let packed = packed_in.entry(format).or_insert_with(|| pack(&mesh, format)).clone();
             let mut crowd = gpu::crowd(headless, &packed, desc);
-            let mut cpu =
-                CpuCrowd::new(packed.clone(), &CrowdDesc::new(UpdateDesc { path: UpdatePath::Cpu, ..desc }), 2)
-                    .expect("a crowd");
+            let mut cpu = gpu::cpu_crowd(&packed, desc, 1);
             for (i, weights) in frames.iter().enumerate() {
                 let stats = crowd.step(&[weights]).expect("a step").update.stats;
                 cpu.set_weights(0, weights).expect("weights that fit");
@@ -136,7 +134,7 @@ fn bytes(set: &str, clip: &str, fast: f64, small: f64, fixed16: f64) {
         (&packed[1], PoseFormat::Fixed16, fixed16),
     ] {
         let desc = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 2).expect("a crowd");
+        let mut crowd = gpu::cpu_crowd(packed, desc, 1);
         let mut moved = 0;
         for weights in &frames {
             crowd.set_weights(0, weights).expect("weights that fit");
@@ -186,7 +184,7 @@ fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
     let mut moved = vec![];
     for error_budget in [0.0, budget] {
         let desc = UpdateDesc { error_budget, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        let mut crowd = CpuCrowd::new(packed.clone(), &CrowdDesc::new(desc), 2).expect("a crowd");
+        let mut crowd = gpu::cpu_crowd(&packed, desc, 1);
         let (mut rng, mut sum) = (Rng::new(7, 0), 0);
         for (i, weights) in frames.iter().take(500).enumerate() {
             let weights: Vec<f32> = weights.iter().map(|w| w + 0.0005 * rng.range(-1.0, 1.0)).collect();
