@@ -77,11 +77,6 @@ impl System {
         self.with_vulkan(args).output().unwrap()
     }
 
-    /// Returns the environment of a command started by the script.
-    fn environment(&self, args: &[&str]) -> BTreeMap<String, String> {
-        environment(self.with_vulkan(args).arg("env").output().unwrap())
-    }
-
     fn lavapipe(&self) -> String {
         self.path("usr/share/vulkan/icd.d/lvp_icd.json").to_str().unwrap().to_owned()
     }
@@ -107,10 +102,9 @@ fn variable<'a>(environment: &'a BTreeMap<String, String>, name: &str) -> Option
 }
 
 #[test]
-fn what_is_no_usage_is_answered_with_the_usage() {
+fn exit_codes_are_those_of_the_command_or_of_wrong_usage() {
     for (args, code, words) in [
-        (&["--driver", "nouveau", "true"][..], 2, "lavapipe"),
-        (&["--driver=nouveau", "true"], 2, "swiftshader"),
+        (&["--driver=nouveau", "true"][..], 2, "lavapipe or swiftshader"),
         (&["--driver", "", "true"], 2, "swiftshader"),
         (&[], 2, "Usage: ./with-vulkan"),
         (&["--driver", "lavapipe"], 2, "Usage: ./with-vulkan"),
@@ -118,6 +112,8 @@ fn what_is_no_usage_is_answered_with_the_usage() {
         (&["--"], 2, "Usage: ./with-vulkan"),
         (&["--drivers", "lavapipe", "true"], 2, "Usage: ./with-vulkan"),
         (&["--help"], 0, ""),
+        (&["bash", "-c", "exit 7"], 7, ""),
+        (&["no-such-command"], 127, "no-such-command"),
     ] {
         let output = System::complete().run(args);
         assert_eq!(output.status.code(), Some(code), "{args:?}");
@@ -156,18 +152,9 @@ fn drivers_are_those_asked_for() {
     assert!(manifest.contains(&format!("\"library_path\": \"{}\"", library.display())), "{manifest}");
 }
 
-/// Without it, newer validation layers see no hazards between shader accesses.
+/// SwiftShader of one's own, and none.
 #[test]
-fn synchronization_validation_looks_into_shaders() {
-    const NAME: &str = "VK_LAYER_SYNCVAL_SHADER_ACCESSES_HEURISTIC";
-    let system = System::complete();
-    assert_eq!(variable(&system.environment(&[]), NAME), Some("1"));
-    let output = system.with_vulkan(&["env"]).env(NAME, "0").output().unwrap();
-    assert_eq!(variable(&environment(output), NAME), Some("0"), "the caller's choice stands");
-}
-
-#[test]
-fn a_swiftshader_of_ones_own_is_used() {
+fn a_swiftshader_is_found_or_asked_for() {
     let system = System::complete();
     system.file("my \"own\"/libvk_swiftshader.so", "");
     let own = system.path("my \"own\"/libvk_swiftshader.so");
@@ -177,24 +164,17 @@ fn a_swiftshader_of_ones_own_is_used() {
     let escaped = own.to_str().unwrap().replace('"', "\\\"");
     assert!(manifest.contains(&escaped), "{manifest}");
 
-    let mut command = system.with_vulkan(&["--driver", "swiftshader", "env"]);
-    let output = command.env("DELTAMORPH_SWIFTSHADER", "/no/such/file").output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("/no/such/file"), "{}", stderr(&output));
-}
-
-#[test]
-fn a_missing_swiftshader_stops_only_those_who_asked_for_it() {
-    let system = System::complete();
     fs::remove_file(system.path("cache/deltamorph/swiftshader/libvk_swiftshader.so")).unwrap();
-    let output = system.run(&["--driver", "swiftshader", "env"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("DELTAMORPH_SWIFTSHADER"), "{}", stderr(&output));
-
-    let output = system.run(&["env"]);
-    assert_eq!(output.status.code(), Some(0));
-    assert!(stderr(&output).contains("going on without SwiftShader"), "{}", stderr(&output));
-    assert!(!String::from_utf8_lossy(&output.stdout).contains("VK_ADD_DRIVER_FILES"));
+    for (args, given, code, words) in [
+        (&["--driver", "swiftshader", "env"][..], Some("/no/such/file"), 1, "/no/such/file"),
+        (&["--driver", "swiftshader", "env"], None, 1, "DELTAMORPH_SWIFTSHADER"),
+        (&["env"], None, 0, "going on without SwiftShader"),
+    ] {
+        let output = system.with_vulkan(args).envs(given.map(|own| ("DELTAMORPH_SWIFTSHADER", own))).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{args:?}");
+        assert!(stderr(&output).contains(words), "{}", stderr(&output));
+        assert!(!String::from_utf8_lossy(&output.stdout).contains("VK_ADD_DRIVER_FILES"));
+    }
 }
 
 #[test]
@@ -239,13 +219,4 @@ fn only_what_the_command_cannot_do_without_stops_it() {
     let output = system.run(&["cargo", "test"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("lavapipe"), "{}", stderr(&output));
-}
-
-#[test]
-fn the_commands_own_exit_status_comes_back() {
-    let system = System::complete();
-    assert_eq!(system.run(&["bash", "-c", "exit 7"]).status.code(), Some(7));
-    let output = system.run(&["no-such-command"]);
-    assert_eq!(output.status.code(), Some(127));
-    assert!(stderr(&output).contains("no-such-command"), "{}", stderr(&output));
 }
