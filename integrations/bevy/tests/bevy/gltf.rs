@@ -2,6 +2,7 @@
 
 use crate::probe::Probe;
 use crate::scene::{Face, Scene, difference};
+use crate::written::{Written, bytes};
 use crate::{ALLOWED, TURN, silent};
 use bevy::animation::{AnimatedBy, AnimationTargetId};
 use bevy::camera::primitives::Aabb;
@@ -10,7 +11,8 @@ use bevy::gltf::{GltfMeshName, GltfSceneName};
 use bevy::mesh::morph::{MeshMorphWeights, MorphWeights};
 use bevy::prelude::*;
 use bevy::world_serialization::WorldInstanceReady;
-use std::fmt::Write;
+use deltamorph_bevy::deltamorph::glam;
+use serde_json::json;
 use std::path::Path;
 use std::sync::PoisonError;
 
@@ -18,81 +20,42 @@ const TARGETS: usize = 4;
 
 /// Writes a binary glTF file of the built-in head: each target in turn goes from 0 to 1 and back, in a second each.
 fn write(path: &Path) {
-    let face = Face::head(900, TARGETS, 0.8).expect("a head");
-    let mesh = &face.morphs;
-    let (mut bytes, mut views, mut accessors) = (vec![], vec![], vec![]);
-    let mut add = |data: Vec<u8>, kind: &str, component: u32, count: usize, more: &str| {
-        views.push(format!(r#"{{"buffer":0,"byteOffset":{},"byteLength":{}}}"#, bytes.len(), data.len()));
-        let view = views.len() - 1;
-        accessors.push(format!(
-            r#"{{"bufferView":{view},"componentType":{component},"count":{count},"type":"{kind}"{more}}}"#
-        ));
-        bytes.extend(data);
-        view
+    let mesh = Face::head(900, TARGETS, 0.8).expect("a head").morphs;
+    let mut file = Written::default();
+    let mut vectors = |vectors: &[glam::Vec3]| {
+        let accessor = file.floats(&vectors.iter().map(|v| v.to_array()).collect::<Vec<_>>());
+        let corner = |of| json!(vectors.iter().copied().reduce(of).expect("vertices").to_array());
+        file.json["accessors"][accessor]["min"] = corner(glam::Vec3::min);
+        file.json["accessors"][accessor]["max"] = corner(glam::Vec3::max);
+        accessor
     };
-    let floats = |values: &mut dyn Iterator<Item = f32>| values.flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
-    let count = mesh.vertex_count();
-    let mut vectors = |dense: Vec<[f32; 3]>| {
-        let corner = |of: fn(f32, f32) -> f32, from: f32| {
-            let fold = |low: [f32; 3], v: &[f32; 3]| [of(low[0], v[0]), of(low[1], v[1]), of(low[2], v[2])];
-            dense.iter().fold([from; 3], fold)
-        };
-        let bounds = format!(r#","min":{:?},"max":{:?}"#, corner(f32::min, f32::MAX), corner(f32::max, f32::MIN));
-        add(floats(&mut dense.iter().flatten().copied()), "VEC3", 5126, count, &bounds)
-    };
-    let all = |vectors: &[deltamorph_bevy::deltamorph::glam::Vec3]| vectors.iter().map(|v| v.to_array()).collect();
-    let (positions, normals) = (vectors(all(&mesh.positions)), vectors(all(&mesh.normals)));
-    let mut targets = String::new();
+    let (positions, normals) = (vectors(&mesh.positions), vectors(&mesh.normals));
+    let mut targets = vec![];
     for target in &mesh.targets {
-        let mut dense = [vec![[0.0; 3]; count], vec![[0.0; 3]; count]];
+        let [mut position, mut normal] = [(); 2].map(|()| vec![glam::Vec3::ZERO; mesh.vertex_count()]);
         for (i, &v) in target.vertices.iter().enumerate() {
             // Enlarged thirty times, to be visible in a small picture.
-            dense[0][v as usize] = (30.0 * target.positions[i]).to_array();
-            dense[1][v as usize] = target.normals[i].to_array();
+            position[v as usize] = 30.0 * target.positions[i];
+            normal[v as usize] = target.normals[i];
         }
-        let [position, normal] = dense.map(&mut vectors);
-        let comma = if targets.is_empty() { "" } else { "," };
-        write!(targets, r#"{comma}{{"POSITION":{position},"NORMAL":{normal}}}"#).expect("text");
+        targets.push(json!({"POSITION": vectors(&position), "NORMAL": vectors(&normal)}));
     }
     let triangles = mesh.faces.triangles(&mesh.positions);
-    let indices = triangles.as_flattened().iter().flat_map(|i| i.to_le_bytes()).collect();
-    let indices = add(indices, "SCALAR", 5125, 3 * triangles.len(), "");
+    let indices = file.accessor(5125, "SCALAR", 3 * triangles.len(), &bytes(triangles.as_flattened()));
     let keys = 2 * TARGETS + 1;
-    let seconds = add(
-        floats(&mut (0..keys).map(|key| key as f32 / 2.0)),
-        "SCALAR",
-        5126,
-        keys,
-        &format!(r#","min":[0],"max":[{TARGETS}]"#),
-    );
-    let weight = |i: usize| if i / TARGETS == 2 * (i % TARGETS) + 1 { 1.0 } else { 0.0 };
-    let weights = add(floats(&mut (0..keys * TARGETS).map(weight)), "SCALAR", 5126, keys * TARGETS, "");
-    let mut json = format!(
-        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"name":"head"}}],
-        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":{positions},"NORMAL":{normals}}},"indices":{indices},
-        "targets":[{targets}]}}],"weights":{:?}}}],
-        "animations":[{{"samplers":[{{"input":{seconds},"output":{weights}}}],
-        "channels":[{{"sampler":0,"target":{{"node":0,"path":"weights"}}}}]}}],
-        "buffers":[{{"byteLength":{}}}],"bufferViews":[{}],"accessors":[{}]}}"#,
-        [0.0; TARGETS],
-        bytes.len(),
-        views.join(","),
-        accessors.join(","),
-    )
-    .into_bytes();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    bytes.resize(bytes.len().next_multiple_of(4), 0);
-    let words = |words: [usize; 2]| words.map(|word| (word as u32).to_le_bytes()).concat();
-    let length = 12 + 8 + json.len() + 8 + bytes.len();
-    let file = [
-        b"glTF".to_vec(),
-        words([2, length]),
-        words([json.len(), 0x4E4F_534A]),
-        json,
-        words([bytes.len(), 0x004E_4942]),
-        bytes,
-    ];
-    std::fs::write(path, file.concat()).expect("a file");
+    let seconds = file.floats(&(0..keys).map(|key| [key as f32 / 2.0]).collect::<Vec<_>>());
+    file.json["accessors"][seconds]["min"] = json!([0.0]);
+    file.json["accessors"][seconds]["max"] = json!([TARGETS as f32]);
+    let weight = |i: usize| if i / TARGETS == 2 * (i % TARGETS) + 1 { [1.0] } else { [0.0] };
+    let weights = file.floats(&(0..keys * TARGETS).map(weight).collect::<Vec<_>>());
+    file.json["meshes"] = json!([{"weights": [0.0; TARGETS], "primitives": [{"indices": indices, "targets": targets,
+        "attributes": {"POSITION": positions, "NORMAL": normals}}]}]);
+    file.json["nodes"] = json!([{"mesh": 0, "name": "head"}]);
+    file.json["scenes"] = json!([{"nodes": [0]}]);
+    file.json["scene"] = json!(0);
+    file.json["animations"] = json!([{"samplers": [{"input": seconds, "output": weights}],
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}]}]);
+    std::fs::write(path, file.glb()).expect("a file");
 }
 
 #[derive(Component)]

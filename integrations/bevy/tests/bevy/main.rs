@@ -9,6 +9,9 @@ mod layers;
 mod probe;
 mod scene;
 mod times;
+#[allow(dead_code, reason = "this program writes less than the tests of the reader do")]
+#[path = "../../../../src/import/gltf/tests/written.rs"]
+mod written;
 
 use bevy::core_pipeline::prepass::MotionVectorPrepass;
 use bevy::mesh::morph::MeshMorphWeights;
