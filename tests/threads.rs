@@ -5,9 +5,7 @@ use crate::gpu::{self, NORMAL, is_kept, packed, reference, weights};
 use crate::host::Host;
 use crate::testing;
 use deltamorph::reference::compare;
-use deltamorph::{
-    CpuCrowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, UpdateDesc, UpdatePath,
-};
+use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, UpdateDesc};
 use std::sync::Arc;
 
 const ROUNDS: u32 = 12;
@@ -88,27 +86,4 @@ fn threads_share_an_allocator_engines_and_meshes() {
         drop((engines, allocator, host));
         assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
     }
-}
-
-#[test]
-fn crowds_on_the_cpu_share_a_mesh_and_have_threads_of_their_own() {
-    let mesh = PackedMesh::pack(&testing::mesh(400, 9), &deltamorph::PackDesc::new(DeltaFormat::Fast));
-    let mesh = Arc::new(mesh.expect("a mesh that packs"));
-    let evaluate = |threads: usize| {
-        let update = UpdateDesc { path: UpdatePath::Cpu, ..gpu::fixed()[0] };
-        let mut crowd = CpuCrowd::new(mesh.clone(), &CrowdDesc { instances: 6, ..CrowdDesc::new(update) }, threads)
-            .expect("a crowd");
-        let mut poses = vec![];
-        for frame in 0..4 {
-            (0..6).for_each(|i| crowd.set_weights(i, &weights(&mesh, frame, i)).expect("weights"));
-            crowd.update();
-            poses.extend((0..6).map(|i| crowd.stored_pose(i, 0).expect("an instance").to_vec()));
-        }
-        poses
-    };
-    let alone = evaluate(1);
-    std::thread::scope(|scope| {
-        let threads = [0; 2].map(|_| scope.spawn(|| (0..5).for_each(|_| assert!(evaluate(3) == alone))));
-        threads.into_iter().for_each(|thread| thread.join().expect("the same poses"));
-    });
 }

@@ -12,6 +12,7 @@ use deltamorph::{
     PackedMesh, PoseError, PoseFormat, Result, UpdateDesc, UpdatePath, WeightClip,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
+use std::collections::BTreeSet;
 use std::slice::from_mut;
 use std::sync::Arc;
 
@@ -57,6 +58,10 @@ pub fn faces(sizes: &[u32], vertices: &[u32]) -> Faces {
 pub fn clip(mesh: &PackedMesh, fps: f32, values: Vec<f32>) -> WeightClip {
     let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
     WeightClip { name: "clip".into(), names, fps, values, notes: vec![] }
+}
+
+pub fn bits(numbers: &[f32]) -> Vec<u32> {
+    numbers.iter().map(|x| x.to_bits()).collect()
 }
 
 /// Returns whether `error` is within the project's limits, for a mesh of `diagonal`.
@@ -215,11 +220,8 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
             continue;
         }
         let most = engine.caps().batch_max(path, format).expect("a GPU path has a largest batch");
-        let mut sizes = vec![1, 2, 3, 7, most / 2, most];
-        sizes.retain(|&b| b >= 1 && b <= most);
-        sizes.sort_unstable();
-        sizes.dedup();
-        descs.extend(sizes.into_iter().map(|b| UpdateDesc::new(path, BatchSize::Targets(b))));
+        let sizes = BTreeSet::from([1, 2, 3, 7, most / 2, most]).into_iter().filter(|size| (1..=most).contains(size));
+        descs.extend(sizes.map(|size| UpdateDesc::new(path, BatchSize::Targets(size))));
         if path == UpdatePath::Compute {
             descs.push(UpdateDesc::new(path, BatchSize::All));
         }
@@ -339,15 +341,15 @@ pub fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
         .collect()
 }
 
-/// Runs the hazard checker over updates of one instance after an upload: each as recorded, with the slot that is drawn
-/// after it, if it changed anything.
-pub fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
+/// Runs the hazard checker over updates of one instance after an upload: each as recorded, with the slot whose groups
+/// are drawn after it, if it changed anything.
+pub fn hazards(mesh: &PackedMesh, frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
     let mut checker = HazardChecker::default();
     checker.upload(asset_uploaded());
     for (events, slot) in frames {
         checker.update(events);
         if !events.is_empty() {
-            checker.draw(0, 0, *slot);
+            (0..mesh.groups().len() as u32).for_each(|group| checker.draw_group(0, group, 0, *slot));
         }
     }
     checker.finish()

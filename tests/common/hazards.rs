@@ -222,8 +222,8 @@ pub fn trace(entries: &[Entry], mut accesses: impl FnMut(u32, &[Work]) -> Vec<Ac
 /// Two accesses without a barrier that orders them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    before: Use<Memory>,
-    after: Use<Memory>,
+    pub before: Use<Memory>,
+    pub after: Use<Memory>,
 }
 
 #[derive(Default)]

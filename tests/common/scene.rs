@@ -15,18 +15,18 @@ pub fn head_desc() -> HeadDesc {
 }
 
 pub fn packed(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
-    let mesh = head(&head_desc()).kept(Tolerance::default()).expect("a mesh");
-    let blocks = BlockDesc { size: Some(size), ..Default::default() };
-    Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs"))
+    packed_mesh(head(&head_desc()).kept(Tolerance::default()).expect("a mesh"), format, size)
 }
 
 /// Packs the same head with tangents, texture coordinates and colours.
 pub fn packed_streams(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
     let mesh = testing::with_streams(head(&head_desc()).kept(Tolerance::default()).expect("a mesh"));
+    packed_mesh(mesh, format, size)
+}
+
+fn packed_mesh(mesh: KeptMesh, format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
     let blocks = BlockDesc { size: Some(size), ..Default::default() };
-    let packed = PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs");
-    assert_eq!(packed.groups().len(), 3);
-    Arc::new(packed)
+    Arc::new(PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(format) }).expect("a mesh that packs"))
 }
 
 /// Returns a captured-like clip, a short one in which all weights change, and a constant one.

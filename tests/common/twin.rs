@@ -1,6 +1,8 @@
 //! The CPU twin of the kernels that sample and plan (`glsl/animate.comp`, `glsl/plan.glsl`): the planner of block
 //! formats, with the choices of the GPU.
 
+#![allow(dead_code, reason = "unit tests use less of it")]
+
 use deltamorph::internals::abi::numbers::{HIDDEN, LOOP, PLAYING, REVERSED};
 use deltamorph::internals::update::animated::{PlaybackRecord, Playbacks};
 use deltamorph::internals::update::blocks::{BlockState, GroupPlan, WorkList};
@@ -77,13 +79,13 @@ fn between(record: &PlaybackRecord, frames: u32, now: u32) -> (u32, u32, u32) {
 }
 
 /// k0 + (k1 − k0) · f · 2⁻¹⁶, rounded to nearest.
-fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
+pub fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
     let product = i64::from(k1 - k0) * i64::from(f);
     k0 + ((product + 0x8000) >> 16) as i32
 }
 
 /// The weights of an instance at tick `now`, in steps of the grid, as in `glsl/animate.comp`.
-fn sample(clips: &Clips, record: &PlaybackRecord, now: u32) -> Vec<i32> {
+pub fn sample(clips: &Clips, record: &PlaybackRecord, now: u32) -> Vec<i32> {
     if !record.has(PLAYING) {
         return vec![0; clips.targets()];
     }
@@ -95,7 +97,7 @@ fn sample(clips: &Clips, record: &PlaybackRecord, now: u32) -> Vec<i32> {
 }
 
 /// A key of a clip, in steps of the grid.
-fn key(clips: &Clips, clip: usize, frame: u32, target: usize) -> i32 {
+pub fn key(clips: &Clips, clip: usize, frame: u32, target: usize) -> i32 {
     let [first, _, shift, bits] = clips.words().as_chunks().0[clip];
     let at = frame as usize * clips.targets() + target;
     if bits == 32 {

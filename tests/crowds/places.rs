@@ -6,27 +6,6 @@ use deltamorph_headless::Step;
 
 const TARGETS: usize = 12;
 
-/// Returns an update for each kernel.
-fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
-    let blocks = UpdateDesc::blocks();
-    let [fixed32, fixed16, rebuilt16] = gpu::fixed();
-    let mut list = vec![
-        (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8))),
-        (DeltaFormat::Fast, blocks),
-        (DeltaFormat::Fast, fixed32),
-        (DeltaFormat::Fast, fixed16),
-        (DeltaFormat::Fast, rebuilt16),
-        (DeltaFormat::Small, UpdateDesc { slots: 3, ..blocks }),
-        (DeltaFormat::Small, UpdateDesc { slots: 1, ..fixed32 }),
-        (DeltaFormat::Small, UpdateDesc { slots: 3, ..fixed16 }),
-        (DeltaFormat::Small, UpdateDesc { slots: 1, ..rebuilt16 }),
-    ];
-    if engine.caps().transform_feedback.is_some() {
-        list.push((DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(4))));
-    }
-    list
-}
-
 fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
     PackedMesh::pack(&testing::mesh(700, TARGETS), &engine.pack_desc(format)).expect("a mesh that fits")
 }
@@ -39,11 +18,7 @@ fn weights(head: u32, frame: u32) -> Vec<f32> {
 
 /// Asserts that the pose of `instance` is that of `weights`.
 fn assert_pose(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, desc: &UpdateDesc, instance: u32, weights: &[f32]) {
-    assert_is(&crowd.read_pose(instance).expect("a pose"), mesh, desc, instance, weights);
-}
-
-fn assert_is(pose: &[f32], mesh: &PackedMesh, desc: &UpdateDesc, instance: u32, weights: &[f32]) {
-    let error = compare(pose, &gpu::reference(mesh, desc, weights));
+    let error = gpu::error(crowd, instance, mesh, weights);
     let bound = 1e-5 * f64::from(mesh.layout().diagonal);
     assert!(error.within(bound, 0.02), "{desc:?}, instance {instance}: {error:?}");
 }
@@ -57,7 +32,9 @@ fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc, inst
 #[test]
 fn heads_come_and_go() {
     on_every_device(|headless, engine| {
-        for (format, desc) in kernels(engine) {
+        for (format, desc) in gpu::updates(headless) {
+            // The weights go up to 1.5.
+            let desc = UpdateDesc { weight_max: Some(4.0), ..desc };
             let mesh = packed(engine, format);
             let mut crowd = crowd(headless, &mesh, desc, 13);
             let mut asked: Vec<Vec<f32>> = (0..13).map(|i| weights(i, 0)).collect();
@@ -110,8 +87,8 @@ fn a_crowd_in_several_descriptor_ranges() {
         gpu::on_device_within(&driver, Some(limits), |headless, engine| {
             let texels = wide && headless.caps().tuning.texels;
             assert_eq!(headless.caps().takes_texels(DeltaFormat::Fast), texels, "{driver}");
-            for (format, desc) in kernels(engine).into_iter().filter(|(format, _)| *format == DeltaFormat::Fast) {
-                let mesh = packed(engine, format);
+            for desc in [UpdateDesc::blocks()].into_iter().chain(gpu::fixed()) {
+                let mesh = packed(engine, DeltaFormat::Fast);
                 let mut crowd = crowd(headless, &mesh, desc, 19);
                 for frame in 0..3 {
                     for head in 0..19 {

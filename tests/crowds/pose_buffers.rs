@@ -48,36 +48,6 @@ fn where_poses_are_is_known_before_the_first_update() {
     });
 }
 
-#[test]
-fn views_say_what_streams_of_integer_poses_are() {
-    on_every_device(|headless, engine| {
-        let packed = packed(engine, DeltaFormat::Fast, true);
-        let update = CrowdDesc::new(UpdateDesc { pose: PoseFormat::Fixed16, ..UpdateDesc::blocks() });
-        let mut crowd = HeadlessCrowd::new(headless, &packed, &update).expect("a crowd");
-        crowd.step(&[&[0.5; 11]]).expect("a step");
-        assert_eq!(crowd.crowd().pose(0).expect("a pose").stride, 12);
-        for (group, stored) in packed.groups().iter().zip(0..) {
-            let stored = crowd.read_stored(0, stored).expect("a pose");
-            let first = crowd.crowd().stream(0, group.layout().streams[0].semantic).expect("a stream");
-            let grid = group.layout().grid(PoseFormat::Fixed16, None).expect("a grid");
-            let integers = PoseFormat::Fixed16.integers(&stored);
-            for place in &group.layout().streams {
-                let view = crowd.crowd().stream(0, place.semantic).expect("a stream");
-                assert_eq!((view.format, view.stride, view.buffer), (PoseFormat::Fixed16, 12, first.buffer));
-                let components = view.components as usize;
-                assert_eq!(view.units[..components], grid.units[place.components()], "{view:?}");
-                assert_eq!(view.offsets[..components], grid.offsets[place.components()], "{view:?}");
-                // The components of vertex 7, read as a host would.
-                let at = (view.offset - first.offset) as usize + 7 * view.stride as usize;
-                let read = stored[at..][..2 * view.components as usize].chunks(2);
-                let read = read.map(|bytes| i32::from(i16::from_ne_bytes([bytes[0], bytes[1]])));
-                assert!(read.eq(place.components().map(|component| integers[7 * POSE_FLOATS + component])));
-            }
-        }
-        testing::says(crowd.crowd().stream(0, Semantic::Color(7)), &["'color 7'", "position, normal"]);
-    });
-}
-
 /// Makes a storage buffer of the host's.
 fn with_buffer(headless: &Headless, test: impl FnOnce(vk::Buffer)) {
     let host = Buffers::new(headless);

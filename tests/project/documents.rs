@@ -1,6 +1,6 @@
 //! The documents: valid links, numbers of words, columns of lines, and the table of environment variables.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 use std::process::Command;
 
@@ -48,7 +48,6 @@ fn links(text: &str) -> Vec<String> {
 
 /// Returns the anchors that GitHub gives headings.
 fn anchors(text: &str) -> BTreeSet<String> {
-    let mut seen = HashMap::<String, u32>::new();
     let mut fenced = false;
     let mut anchors = BTreeSet::new();
     for line in text.lines() {
@@ -58,9 +57,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
             continue;
         }
         let kept = title.trim().to_lowercase().replace(' ', "-");
-        let kept: String = kept.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect();
-        let count = seen.entry(kept.clone()).and_modify(|n| *n += 1).or_default();
-        anchors.insert(if *count == 0 { kept } else { format!("{kept}-{count}") });
+        anchors.insert(kept.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect());
     }
     anchors
 }

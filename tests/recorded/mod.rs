@@ -3,6 +3,5 @@
 mod errors;
 mod memory;
 mod queues;
-mod slots;
 mod soundness;
 mod watched;

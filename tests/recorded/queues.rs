@@ -1,5 +1,5 @@
-//! Updates on a queue without graphics, with semaphores between them and the draws, which the hazard checker follows. CPU
-//! drivers have one queue family: here it is treated as one without graphics.
+//! Updates on a queue without graphics, with semaphores between them and the draws, which the hazard checker follows.
+//! CPU drivers have one queue family: here it is treated as one without graphics.
 
 use crate::gpu::{baseline, caps, limited, on_device_within, recorded, weights};
 use crate::hazards::{accesses, trace};

@@ -7,8 +7,19 @@ use deltamorph::DeltaFormat::{Fast, Float32, Small};
 
 #[test]
 fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
-    for_every_update(&[Float32, Fast, Small], &testing::mesh(500, 20), |headless, mesh, desc| {
+    let plain = testing::mesh(500, 20);
+    for (mesh, with_streams) in [(testing::with_streams(plain.clone()), true), (plain, false)] {
+        barriers(&mesh, with_streams);
+    }
+}
+
+/// Every update of these meshes, or those of techniques that take no others.
+fn barriers(mesh: &KeptMesh, with_streams: bool) {
+    for_every_update(&[Float32, Fast, Small], mesh, |headless, mesh, desc| {
         let row = Row::of(desc.path);
+        if row.streams != with_streams {
+            return;
+        }
         // Modes and slots of baselines, too; those of the library are in src/update/tests.rs.
         let descs: Vec<_> = if desc.path.is_baseline() { variants(desc).collect() } else { vec![desc] };
         for desc in descs.into_iter().filter(|_| row.records) {
@@ -20,7 +31,7 @@ fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
                     (events, crowd.crowd().pose(0).map_or(0, |pose| pose.slot))
                 })
                 .collect();
-            assert_eq!(hazards(&lists), Ok(()), "{desc:?}");
+            assert_eq!(hazards(mesh, &lists), Ok(()), "{desc:?}");
             // All barriers of the fourth update, one at a time; with several passes, since otherwise there are none
             // between passes.
             for at in 0..lists[3].0.len() {
@@ -34,7 +45,7 @@ fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
                 }
                 let mut faulty = lists.clone();
                 let dropped = faulty[3].0.remove(at);
-                assert!(hazards(&faulty).is_err(), "{desc:?}: dropped {dropped:?}");
+                assert!(hazards(mesh, &faulty).is_err(), "{desc:?}: dropped {dropped:?}");
             }
         }
     });

@@ -1,41 +1,11 @@
 //! Poses of every technique, batch size and format against the float64 reference, on real drivers; statistics of
 //! updates; and idle instances.
 
-use super::table::{can_read, for_every_update, history, updates, variants};
-use crate::gpu::{POSITION, in_eight_chunks, packed, weights};
+use super::table::{check, for_every_update, updates, variants};
+use crate::gpu::{in_eight_chunks, packed, weights};
 use crate::prelude::*;
 use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
 use deltamorph_headless::PoseUpload;
-
-/// Plays `frames` frames of a history and compares every pose and previous pose with the reference.
-pub fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: usize) {
-    let mut crowd = gpu::crowd(headless, mesh, desc);
-    let bound = POSITION * f64::from(mesh.layout().diagonal.max(1.0));
-    let mut before: Option<Vec<f64>> = None;
-    for (frame, weights) in history(mesh, &desc, 5).iter().take(frames).enumerate() {
-        crowd.step(&[weights]).expect("a step");
-        if desc.path.is_baseline() {
-            crowd.draw(Draws { copies: 1, passes: 2 }).expect("a draw");
-        }
-        if !can_read(headless, &desc) {
-            testing::says(crowd.read_pose(0), &["vertexPipelineStoresAndAtomics", "transform_feedback"]);
-            continue;
-        }
-        let reference = gpu::reference(mesh, &desc, weights);
-        let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
-        let context =
-            || format!("{} {desc:?} {:?} frame {frame}: {error:?}", headless.caps().name, mesh.layout().format);
-        assert!(error.within(bound, NORMAL), "{}", context());
-        if let Some(previous) = crowd.read_previous_pose(0).expect("a device that works") {
-            let error = compare(&previous, before.as_ref().unwrap_or(&reference));
-            assert!(error.within(bound, NORMAL), "previous pose: {error:?}, {}", context());
-        } else {
-            let is_lost = desc.slots == 1 || desc.slots == 2 && !desc.path.works_in_place();
-            assert!(desc.path.evaluates_in_draws() || is_lost, "{}", context());
-        }
-        before = Some(reference);
-    }
-}
 
 #[test]
 fn every_technique_batch_and_format_equals_the_reference() {
@@ -44,7 +14,7 @@ fn every_technique_batch_and_format_equals_the_reference() {
     gpu::on_every_driver(|headless, engine| {
         for format in DeltaFormat::ALL {
             let mesh = packed(engine, &mesh, format);
-            updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 8));
+            updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 1, 8));
         }
     });
 }
@@ -53,7 +23,7 @@ fn every_technique_batch_and_format_equals_the_reference() {
 fn modes_and_slot_counts() {
     for_every_update(&[Float32, Snorm16, Fast, Small], &testing::mesh(321, 19), |headless, mesh, desc| {
         if desc.path.is_baseline() || mesh.layout().format != Float32 {
-            variants(desc).for_each(|desc| check(headless, mesh, desc, 5));
+            variants(desc).for_each(|desc| check(headless, mesh, desc, 1, 5));
         }
     });
 }
@@ -63,7 +33,7 @@ fn degenerate_meshes_and_empty_targets() {
     on_every_device(|headless, engine| {
         for (mesh, format) in testing::degenerate().iter().flat_map(|mesh| DeltaFormat::ALL.map(|f| (mesh, f))) {
             let mesh = packed(engine, mesh, format);
-            updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 3));
+            updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 1, 3));
         }
     });
 }
@@ -73,7 +43,7 @@ fn meshes_beyond_the_storage_range_are_cut_into_chunks() {
     on_every_device(|headless, engine| {
         for format in DeltaFormat::DENSE {
             let mesh = in_eight_chunks(&testing::mesh(1000, 37), format);
-            updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 4));
+            updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 1, 4));
         }
     });
 }
@@ -87,7 +57,7 @@ fn more_workgroups_than_a_dispatch_has() {
             for format in DeltaFormat::ALL {
                 let mesh = packed(engine, &testing::mesh(1000, 19), format);
                 assert!(format.is_blocks() || mesh.layout().chunks().count() == 6);
-                updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 3));
+                updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 1, 3));
             }
         });
     }

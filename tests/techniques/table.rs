@@ -1,7 +1,10 @@
 //! The table: a row per update path, with the variants to test and the expected results.
 
+use crate::gpu::bits;
 use crate::prelude::*;
 use deltamorph::DeltaFormat::{Float32, Small};
+use deltamorph::internals::pack::PackedGroup;
+use deltamorph::reference::compare_group;
 
 /// Tested batch sizes.
 #[derive(Clone, Copy, PartialEq)]
@@ -99,11 +102,6 @@ pub static ROWS: [Row; deltamorph_baselines::PATHS.len()] = [
     },
 ];
 
-#[test]
-fn every_path_has_its_row() {
-    assert!(ROWS.iter().map(|row| row.path).eq(deltamorph_baselines::PATHS));
-}
-
 impl Row {
     pub fn of(path: UpdatePath) -> &'static Self {
         ROWS.iter().find(|row| row.path == path).expect("a row for each path")
@@ -171,7 +169,7 @@ pub fn history(mesh: &PackedMesh, desc: &UpdateDesc, seed: u32) -> Vec<Vec<f32>>
     let targets = mesh.layout().targets.len();
     let (a, b) = (gpu::weights(mesh, 1, seed), gpu::weights(mesh, 9, seed + 1));
     let mut nudged = a.clone();
-    nudged.iter_mut().skip(targets / 2).take(1).for_each(|w| *w = 0.375);
+    nudged.iter_mut().rev().take(1).for_each(|w| *w = 0.375);
     let mut one = vec![0.0; targets];
     one.iter_mut().rev().take(1).for_each(|w| *w = -0.75);
     let exaggerated = b.iter().map(|w| w * 1.9 - 0.3).collect();
@@ -184,5 +182,86 @@ pub fn history(mesh: &PackedMesh, desc: &UpdateDesc, seed: u32) -> Vec<Vec<f32>>
 pub fn keep_supported(weights: &mut [f32], desc: &UpdateDesc) {
     if let (deltamorph_baselines::DIRECT_ATTRIBUTES, BatchSize::Targets(most)) = (desc.path, desc.batch) {
         weights.iter_mut().filter(|w| **w != 0.0).skip(most as usize).for_each(|w| *w = 0.0);
+    }
+}
+
+/// Asserts that a pose of a group is within the project's error limits.
+pub fn assert_pose(group: &PackedGroup, desc: &UpdateDesc, pose: &[f32], weights: &[f32], what: &str) {
+    let (layout, reference) = (group.layout(), gpu::reference_group(group, desc, weights));
+    let error = compare_group(&layout.streams, pose, &reference);
+    let length = gpu::POSITION * f64::from(layout.diagonal.max(1.0)) + f64::from(desc.error_budget);
+    // The budget is one of positions; normals are deferred with them.
+    let degrees =
+        if desc.error_budget > 0.0 && layout.streams[0].semantic == Semantic::Position { 180.0 } else { NORMAL };
+    assert!(error.within(length, degrees) && error.absolute <= 1e-5, "{what}: {error:?}");
+    for stream in layout.streams.iter().filter(|stream| stream.semantic == Semantic::Tangent) {
+        let (w, base) = (stream.components().end - 1, layout.to_user_order(group.base()));
+        for (pose, base) in pose.chunks_exact(6).zip(base.chunks_exact(6)) {
+            assert_eq!(pose[w].to_bits(), base[w].to_bits(), "{what}: handedness");
+        }
+    }
+}
+
+/// Plays frames of histories: poses are those of the reference, and previous poses the poses before. The second
+/// instance is hidden for a while, and shown with the weights requested meanwhile; an update is lost.
+pub fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, heads: usize, frames: usize) {
+    let crowd_desc = CrowdDesc { instances: heads as u32, ..CrowdDesc::new(desc) };
+    let mut crowd = HeadlessCrowd::new(headless, mesh, &crowd_desc).expect("a crowd");
+    let name = &headless.caps().name;
+    let histories: Vec<_> = (0..heads as u32).map(|head| history(mesh, &desc, 5 + head)).collect();
+    let (mut shown, mut before) = (vec![vec![]; heads], vec![None; heads]);
+    for frame in 0..frames {
+        let hidden = |frame: usize| (2..4).contains(&frame);
+        if heads > 1 {
+            crowd.set_hidden(1, hidden(frame)).expect("an instance");
+        }
+        let asked: Vec<&[f32]> = histories.iter().map(|history| &history[frame][..]).collect();
+        if frame == 5 {
+            let (_, lost) = crowd.record(&vec![&histories[0][1][..]; heads]).expect("a recording");
+            crowd.discard(lost.ticket).expect("a ticket of this crowd");
+        }
+        crowd.step(&asked).expect("a step");
+        crowd.draw(Draws { copies: 1, passes: 2 }).expect("a draw");
+        if !can_read(headless, &desc) {
+            testing::says(crowd.read_pose(0), &["vertexPipelineStoresAndAtomics", "transform_feedback"]);
+        }
+        for (head, asked) in asked.iter().enumerate().filter(|(head, _)| *head != 1 || !hidden(frame)) {
+            shown[head] = asked.to_vec();
+        }
+        for head in (0..heads).filter(|_| can_read(headless, &desc)) {
+            let mut poses = vec![];
+            for (number, group) in mesh.groups().iter().enumerate() {
+                let what =
+                    format!("{name} {desc:?} {:?} frame {frame} head {head} group {number}", group.layout().format);
+                let (pose, previous) = crowd.read_group(head as u32, number).expect("a pose");
+                assert_pose(group, &desc, &pose, &shown[head], &what);
+                let has_past = !(frame == 0 || frame == 5 || head == 1 && (2..5).contains(&frame));
+                match (previous, &before[head]) {
+                    (Some(previous), Some(before)) if has_past => {
+                        let before: &Vec<Vec<f32>> = before;
+                        assert_eq!(bits(&previous), bits(&before[number]), "{what}: the previous pose");
+                    }
+                    (Some(_), _) => {}
+                    (None, _) => {
+                        let is_lost = desc.slots == 1 || desc.slots == 2 && !desc.path.works_in_place();
+                        assert!(desc.path.evaluates_in_draws() || is_lost, "{what}");
+                    }
+                }
+                poses.push(pose);
+            }
+            before[head] = Some(poses);
+        }
+    }
+    if desc.pose.has_integers() && desc.error_budget == 0.0 {
+        // After any history: bit for bit a full evaluation.
+        let mut fresh = crowd.another(&crowd_desc).expect("a crowd");
+        let asked: Vec<&[f32]> = shown.iter().map(Vec::as_slice).collect();
+        fresh.step(&asked).expect("a step");
+        for (head, before) in before.iter().enumerate() {
+            for (number, pose) in before.iter().flatten().enumerate() {
+                let (full, _) = fresh.read_group(head as u32, number).expect("a pose");
+                assert_eq!(bits(&full), bits(pose), "{name} {desc:?} head {head} group {number}");
+            }
+        }
     }
 }

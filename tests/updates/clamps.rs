@@ -1,5 +1,5 @@
-//! The limits of weak devices, on real drivers: an engine with these limits keeps to them in every call; its poses match
-//! the float64 reference, and its steps run.
+//! The limits of weak devices, on real drivers: an engine with these limits keeps to them in every call; its poses
+//! match the float64 reference, and its steps run.
 
 use crate::gpu::baseline;
 use crate::prelude::*;

@@ -2,8 +2,6 @@
 
 use crate::prelude::*;
 use deltamorph::UpdateStats;
-use deltamorph::import::obj;
-use std::time::{Duration, Instant};
 
 fn pack(mesh: &KeptMesh, format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"))
@@ -200,35 +198,4 @@ fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
     }
     println!("with the budget {:.2} times fewer bytes", moved[0] / moved[1]);
     assert!(moved[0] >= 4.0 * moved[1], "{moved:?}");
-}
-
-fn timed<T>(f: impl FnOnce() -> T) -> (T, Duration) {
-    let start = Instant::now();
-    let result = f();
-    (result, start.elapsed())
-}
-
-/// A packed file loads equal. `.ci/deep` measures the speed, which depends on the machine.
-#[test]
-fn a_packed_file_loads_as_it_was_packed() {
-    let Some(folder) = data::set("ict_facekit") else { return };
-    let (mesh, import) = timed(|| {
-        let source = obj::import_folder(&folder).expect("a folder that imports");
-        source.kept(Tolerance::default()).expect("a mesh")
-    });
-    let dir = tempfile::tempdir().expect("a folder");
-    for format in [DeltaFormat::Small, DeltaFormat::Fast] {
-        let path = dir.path().join(format!("ict_{}.dmorph", format.name()));
-        let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs");
-        packed.write(&path).expect("written");
-        let mut loads = [(); 3].map(|()| {
-            let (loaded, time) = timed(|| PackedMesh::read(&path).expect("a file that reads"));
-            assert_eq!(loaded, packed);
-            time
-        });
-        loads.sort_unstable();
-        let (load, times) = (loads[1], import.as_secs_f64() / loads[1].as_secs_f64());
-        let size = path.metadata().expect("a file").len();
-        println!("{}: {size} bytes; import {import:?}, load {load:?}, {times:.0} times as fast", format.name());
-    }
 }

@@ -32,14 +32,9 @@ fn tunings(own: DeviceTuning) -> Vec<DeviceTuning> {
 fn poses_are_the_same_whatever_the_tuning() {
     // Blocks that are small enough to share a workgroup, in every format.
     let blocks = BlockDesc { size: Some(32), ..Default::default() };
-    let updates = [
-        (DeltaFormat::Small, PoseFormat::Float32),
-        (DeltaFormat::Small, PoseFormat::Fixed32),
-        (DeltaFormat::Small, PoseFormat::Fixed16),
-        (DeltaFormat::Fast, PoseFormat::Float32),
-        (DeltaFormat::Fast, PoseFormat::Fixed32),
-        (DeltaFormat::Fast, PoseFormat::Fixed16),
-    ];
+    let poses = [PoseFormat::Float32, PoseFormat::Fixed32, PoseFormat::Fixed16];
+    let updates = [DeltaFormat::Small, DeltaFormat::Fast].map(|format| poses.map(|pose| (format, pose)));
+    let updates = updates.as_flattened();
     let desc = HeadlessDesc { device: DeviceChoice::Name(gpu::one()), validation: true, ..Default::default() };
     let own = Headless::new(&desc).expect("a device").caps().tuning;
     let (mut wrong, mut bits) = (vec![], vec![None; updates.len()]);

@@ -20,27 +20,6 @@ const SURFACE: vk::Result = vk::Result::ERROR_SURFACE_LOST_KHR;
 const WINDOW: vk::Result = vk::Result::ERROR_NATIVE_WINDOW_IN_USE_KHR;
 const DATE: vk::Result = vk::Result::ERROR_OUT_OF_DATE_KHR;
 
-/// All errors.
-pub const ERRORS: [vk::Result; 17] = [
-    HOST,
-    DEVICE,
-    LOST,
-    INITIALIZATION,
-    INCOMPATIBLE,
-    LAYER,
-    EXTENSION,
-    FEATURE,
-    FORMAT,
-    TOO_MANY,
-    MAP,
-    FRAGMENTED,
-    POOL,
-    FRAGMENTATION,
-    SURFACE,
-    WINDOW,
-    DATE,
-];
-
 /// Returns the errors of `call`, for calls that the layer sees, without those of extensions that deltamorph does not
 /// use.
 pub fn errors(call: &str) -> &'static [vk::Result] {

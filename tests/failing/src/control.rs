@@ -42,7 +42,7 @@ pub unsafe fn device(instance: &ash::Instance, device: vk::Device) -> ash::Devic
     }
 }
 
-/// Sets the failure `CALL:N:ERROR[:TIMES]`, counted from now; an empty text sets none.
+/// Sets the failure `CALL:N:ERROR`, counted from now; an empty text sets none.
 pub fn arm(plan: &str) {
     state().arm(plan);
 }

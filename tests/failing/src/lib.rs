@@ -1,9 +1,8 @@
-//! A Vulkan layer that makes one call fail, or several in a row, with an error that the specification allows for it,
-//! and counts what is alive on each device.
+//! A Vulkan layer that makes one call fail, with an error that the specification allows for it, and counts what is
+//! alive on each device.
 //!
-//! - `DELTAMORPH_FAIL=CALL:N:ERROR[:TIMES]`: the failing call. `vkCreateFence:2:ERROR_OUT_OF_HOST_MEMORY` is the second
-//!   call of `vkCreateFence`; with `*` as the call, the Nth of all calls that may return this error. `TIMES` in a row
-//!   (1).
+//! - `DELTAMORPH_FAIL=CALL:N:ERROR`: the failing call. `vkCreateFence:2:-1` is the second call of `vkCreateFence`,
+//!   which returns VK_ERROR_OUT_OF_HOST_MEMORY; with `*` as the call, the Nth of all calls that may return this error.
 //! - `DELTAMORPH_FAIL_LOG=FILE`: the log of events, including each call, with a number for its call site. Without it
 //!   everything but the calls goes to stderr.
 //!
@@ -12,7 +11,7 @@
 //! A lost device stays lost until it is destroyed; its work is waited for first. If a wait fails for lack of memory,
 //! the work goes on, as on any driver. Calls that need no instance never fail: layers do not see them.
 
-pub mod calls;
+mod calls;
 mod control;
 mod layer;
 mod state;

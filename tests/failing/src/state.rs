@@ -31,12 +31,11 @@ impl Next {
     }
 }
 
-/// Failing calls, from the `at`th on.
+/// A failing call, the `at`th.
 struct Plan {
     /// Name of the call; if empty, any call that may return the error.
     call: String,
     at: u64,
-    times: u64,
     error: vk::Result,
     matched: u64,
 }
@@ -47,10 +46,8 @@ impl Plan {
         let mut parts = text.split(':');
         let call = parts.next()?.trim_start_matches('*').to_owned();
         let at = parts.next()?.parse().ok()?;
-        let name = parts.next()?;
-        let error = crate::calls::ERRORS.into_iter().find(|error| format!("{error:?}") == name)?;
-        let times = parts.next().map_or(Some(1), |times| times.parse().ok())?;
-        Some(Self { call, at, times, error, matched: 0 })
+        let error = vk::Result::from_raw(parts.next()?.parse().ok()?);
+        Some(Self { call, at, error, matched: 0 })
     }
 
     fn hits(&mut self, call: &str) -> bool {
@@ -58,7 +55,7 @@ impl Plan {
             return false;
         }
         self.matched += 1;
-        (self.at..self.at.saturating_add(self.times)).contains(&self.matched)
+        self.matched == self.at
     }
 }
 
@@ -85,7 +82,7 @@ static STATE: LazyLock<Mutex<State>> = LazyLock::new(|| {
     let file = std::env::var_os("DELTAMORPH_FAIL_LOG");
     let log = file.map(|path| OpenOptions::new().append(true).create(true).open(path).expect("DELTAMORPH_FAIL_LOG"));
     let plan = std::env::var("DELTAMORPH_FAIL").ok();
-    let plan = plan.map(|text| Plan::parse(&text).expect("DELTAMORPH_FAIL=CALL:N:ERROR[:TIMES]"));
+    let plan = plan.map(|text| Plan::parse(&text).expect("DELTAMORPH_FAIL=CALL:N:ERROR"));
     let (counts, next, below, alive) = (Counts::default(), BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
     Mutex::new(State { plan, calls: 0, counts, next, below, lost: vec![], alive, log })
 });
@@ -178,7 +175,7 @@ impl State {
 
     /// See [`arm`](crate::arm).
     pub(crate) fn arm(&mut self, plan: &str) {
-        self.plan = (!plan.is_empty()).then(|| Plan::parse(plan).expect("CALL:N:ERROR[:TIMES]"));
+        self.plan = (!plan.is_empty()).then(|| Plan::parse(plan).expect("CALL:N:ERROR"));
         self.counts.failed = 0;
     }
 

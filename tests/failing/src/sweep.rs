@@ -42,7 +42,7 @@ impl Run {
         let mut command = command(&own);
         enable(&mut command, folder).env("DELTAMORPH_FAIL_LOG", &log).env("RUST_BACKTRACE", "0");
         if let Some(Fault { call, at, error }) = fault {
-            command.env("DELTAMORPH_FAIL", format!("{call}:{at}:{error:?}"));
+            command.env("DELTAMORPH_FAIL", format!("{call}:{at}:{}", error.as_raw()));
         }
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(File::create(&said).expect("a file"));
         let (mut child, start) = (command.spawn().unwrap_or_else(|e| panic!("{command:?}: {e}")), Instant::now());

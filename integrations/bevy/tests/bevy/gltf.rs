@@ -3,7 +3,7 @@
 use crate::probe::Probe;
 use crate::scene::{Face, Scene, difference};
 use crate::written::{Written, bytes};
-use crate::{ALLOWED, TURN, silent};
+use crate::{ALLOWED, TURN, assert_same, silent};
 use bevy::animation::{AnimatedBy, AnimationTargetId};
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::VisibilityClass;
@@ -151,8 +151,7 @@ fn a_gltf_file_that_bevy_loads_and_animates_is_morphed_alike() {
         let bevys = scene.picture().expect("a picture");
         assert_eq!(probe.lock().elements, elements(TARGETS));
         scene.morph_by_bevy(false);
-        let (largest, beyond) = difference(&ours, &bevys, ALLOWED.0);
-        assert!(beyond <= ALLOWED.1, "{seconds} s: {largest} of 255, {beyond} of the pixels");
+        assert_same(&ours, &bevys, &format!("{seconds} s"));
         if let Some(before) = before.replace(ours) {
             let (_, moved) = difference(&before, &bevys, ALLOWED.0);
             assert!(moved > 3.0 * ALLOWED.1, "{seconds} s: {moved} of the pixels differ");

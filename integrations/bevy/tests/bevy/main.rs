@@ -68,6 +68,18 @@ fn silent() {
     assert!(messages.is_empty(), "the layers say:\n{}", messages.join("\n"));
 }
 
+/// Asserts that these pictures are the same, but for a few pixels.
+fn assert_same(ours: &[u8], bevys: &[u8], what: &str) {
+    let (largest, beyond) = difference(ours, bevys, ALLOWED.0);
+    assert!(beyond <= ALLOWED.1, "{what}: {largest} of 255, {beyond} of the pixels beyond {}", ALLOWED.0);
+}
+
+/// Asserts that they are not: otherwise comparisons would be meaningless.
+fn assert_moved(before: &[u8], now: &[u8], what: &str) {
+    let (_, moved) = difference(before, now, ALLOWED.0);
+    assert!(moved > 10.0 * ALLOWED.1, "{what}: {moved} of the pixels differ");
+}
+
 #[test]
 fn pictures_are_bevys_and_targets_leave_the_device() {
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -86,12 +98,9 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
         assert_eq!(probe.lock().elements, all);
         scene.morph_by_bevy(false);
         assert_eq!(ours.len() as u32, 4 * DESC.edge * DESC.edge);
-        let (largest, beyond) = difference(&ours, &bevys, ALLOWED.0);
-        assert!(beyond <= ALLOWED.1, "frame {frame}: {largest} of 255, {beyond} of the pixels beyond {}", ALLOWED.0);
-        // Otherwise the comparison would be meaningless: faces move.
+        assert_same(&ours, &bevys, &format!("frame {frame}"));
         if let Some(before) = before.replace(ours) {
-            let (_, moved) = difference(&before, &bevys, ALLOWED.0);
-            assert!(moved > 10.0 * ALLOWED.1, "frame {frame}: {moved} of the pixels differ");
+            assert_moved(&before, &bevys, &format!("frame {frame}"));
         }
     }
 
@@ -126,10 +135,8 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
     scene.app.world_mut().entity_mut(first).insert(BevyMorphing);
     let bevys = scene.picture().expect("a picture");
     assert_eq!(probe.lock().elements, all);
-    let (largest, beyond) = difference(&again, &bevys, ALLOWED.0);
-    assert!(beyond <= ALLOWED.1, "{largest} of 255, {beyond} of the pixels");
-    let (_, moved) = difference(&ours, &bevys, ALLOWED.0);
-    assert!(moved > 10.0 * ALLOWED.1);
+    assert_same(&again, &bevys, "another head");
+    assert_moved(&ours, &bevys, "another head");
     silent();
 }
 
@@ -152,11 +159,9 @@ fn a_head_alone_has_its_pose_in_the_vertices_of_its_mesh() {
         scene.morph_by_bevy(false);
         scene.settle();
         assert_eq!(probe.lock().vertices != base, is_posed, "frame {frame}, again");
-        let (largest, beyond) = difference(&ours, &bevys, ALLOWED.0);
-        assert!(beyond <= ALLOWED.1, "frame {frame}: {largest} of 255, {beyond} of the pixels beyond {}", ALLOWED.0);
+        assert_same(&ours, &bevys, &format!("frame {frame}"));
         if let Some(before) = before.replace(ours) {
-            let (_, moved) = difference(&before, &bevys, ALLOWED.0);
-            assert!(moved > 10.0 * ALLOWED.1, "frame {frame}: {moved} of the pixels differ");
+            assert_moved(&before, &bevys, &format!("frame {frame}"));
         }
     };
     look(&mut scene, 10, true);
@@ -197,10 +202,8 @@ fn normal_errors_of_targets_add_up_and_can_be_set() {
         scene.picture().expect("a picture")
     };
     let (bevys, coarse, fine) = (look(true, 0.5), look(false, 0.5), look(false, 0.02));
-    let (largest, beyond) = difference(&fine, &bevys, ALLOWED.0);
-    assert!(beyond <= ALLOWED.1, "{largest} of 255, {beyond} of the pixels beyond {}", ALLOWED.0);
-    let (_, turned) = difference(&coarse, &bevys, ALLOWED.0);
-    assert!(turned > 10.0 * ALLOWED.1, "{turned}");
+    assert_same(&fine, &bevys, "small errors");
+    assert_moved(&coarse, &bevys, "large ones");
     silent();
 }
 

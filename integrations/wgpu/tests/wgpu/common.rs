@@ -6,8 +6,9 @@ use crate::testing;
 use deltamorph::ash::{self, vk};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{DeltaFormat, PackedMesh, PoseFormat, PoseView};
+use deltamorph_head::Rng;
 use deltamorph_wgpu::{Crowd, Mesh, Morph, POSE_WGSL, Pose, VertexInput};
-use std::sync::{Mutex, MutexGuard, Once, PoisonError};
+use std::sync::{Mutex, Once, PoisonError};
 use wgpu::util::DeviceExt as _;
 
 /// A device and its queue.
@@ -47,10 +48,6 @@ impl Host {
     }
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Returns whether the validation layers have version 1.4 or later. Tests of planted faults show that they are active.
 fn layers_are_new() -> bool {
     // SAFETY: the loader is the one that wgpu loads.
@@ -69,7 +66,7 @@ fn layers_are_new() -> bool {
 pub fn on_every_adapter(test: impl Fn(Host)) {
     static TURN: Mutex<()> = Mutex::new(());
     static LISTEN: Once = Once::new();
-    let _turn = locked(&TURN);
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     LISTEN.call_once(|| {
         // Updates and draws are in separate command buffers. Newer layers compare these at a submit by default.
         if !layers_are_new() {
@@ -95,21 +92,11 @@ pub fn on_every_adapter(test: impl Fn(Host)) {
     }
 }
 
-/// Random numbers, the same in each run.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn below(&mut self, n: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 33) % n
-    }
-
-    /// Changes one weight in three.
-    pub fn change(&mut self, weights: &mut [f32]) {
-        for weight in weights {
-            if self.below(3) == 0 {
-                *weight = self.below(65) as f32 / 64.0;
-            }
+/// Changes one weight in three.
+pub fn change(rng: &mut Rng, weights: &mut [f32]) {
+    for weight in weights {
+        if rng.below(3) == 0 {
+            *weight = rng.below(65) as f32 / 64.0;
         }
     }
 }

@@ -1,10 +1,11 @@
 //! Fates of command buffers: submitted, dropped, in a failed submit, out of order, kept.
 
 use crate::common::{
-    Host, Random, assert_right, decoded, on_every_adapter, submit_and_read, submit_in_vain, uploaded, wait,
+    Host, assert_right, change, decoded, on_every_adapter, submit_and_read, submit_in_vain, uploaded, wait,
 };
 use crate::poses::dense;
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc};
+use deltamorph_head::Rng;
 use deltamorph_wgpu::{Crowd, Morph};
 
 /// A head, and its requested weights.
@@ -13,19 +14,19 @@ struct Head {
     mesh: PackedMesh,
     crowd: Crowd,
     weights: Vec<f32>,
-    random: Random,
+    rng: Rng,
 }
 
 impl Head {
     fn new(host: &Host, format: DeltaFormat, desc: &CrowdDesc) -> Self {
         let (morph, mesh, uploaded, weights) = uploaded(host, format);
         let crowd = morph.create_crowd(&uploaded, desc).expect("a crowd");
-        Self { morph, mesh, crowd, weights, random: Random(11) }
+        Self { morph, mesh, crowd, weights, rng: Rng::new(11, 0) }
     }
 
     /// Changes the weights, and returns the update to them.
     fn update(&mut self) -> deltamorph::Result<Option<wgpu::CommandBuffer>> {
-        self.random.change(&mut self.weights);
+        change(&mut self.rng, &mut self.weights);
         self.crowd.set_weights(0, &self.weights)?;
         self.morph.update([&mut self.crowd])
     }
@@ -65,7 +66,7 @@ fn updates_that_are_dropped_or_fail_are_made_again() {
             host.queue.submit(head.update().expect("an update"));
             wait(&host);
             head.assert_goes_on(&host, "after a submit that failed while the GPU was busy");
-            let mut fates = Random(5);
+            let mut fates = Rng::new(5, 0);
             for frame in 0..40 {
                 let update = head.update().expect("an update");
                 match fates.below(4) {

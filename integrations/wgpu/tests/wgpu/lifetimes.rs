@@ -1,7 +1,8 @@
 //! In any order of drops, nothing in use is destroyed, and nothing leaks.
 
-use crate::common::{Host, Random, assert_right, copy, decoded, on_every_adapter, uploaded, wait};
+use crate::common::{Host, assert_right, change, copy, decoded, on_every_adapter, uploaded, wait};
 use deltamorph::{CrowdDesc, DeltaFormat, UpdateDesc};
+use deltamorph_head::Rng;
 use deltamorph_wgpu::{Crowd, Mesh, Morph, Pose};
 use std::any::Any;
 
@@ -20,9 +21,9 @@ fn everything_may_be_dropped_in_any_order_while_the_gpu_works() {
             let mut things = in_use(&host);
             let Host { device, queue, .. } = host;
             things.extend([Box::new(device) as Box<dyn Any>, Box::new(queue)]);
-            let mut random = Random(round);
+            let mut rng = Rng::new(round, 0);
             while !things.is_empty() {
-                drop(things.swap_remove(random.below(things.len() as u64) as usize));
+                drop(things.swap_remove(rng.below(things.len())));
             }
         });
     }
@@ -33,7 +34,7 @@ fn a_buffer_keeps_its_poses() {
     on_every_adapter(|host| {
         let (morph, mesh, uploaded, mut weights) = uploaded(&host, DeltaFormat::Fast);
         let mut crowd = morph.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
-        Random(1).change(&mut weights);
+        change(&mut Rng::new(1, 0), &mut weights);
         crowd.set_weights(0, &weights).expect("weights");
         host.queue.submit(morph.update([&mut crowd]).expect("an update"));
         let pose = crowd.pose(0).expect("a pose");
@@ -57,7 +58,7 @@ fn slots_that_no_update_has_written_are_zeros() {
             let desc = CrowdDesc::new(UpdateDesc { slots: 3, ..UpdateDesc::blocks() });
             let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
             for _ in 0..updates {
-                Random(1).change(&mut weights);
+                change(&mut Rng::new(1, 0), &mut weights);
                 weights[0] += 0.125;
                 crowd.set_weights(0, &weights).expect("weights");
                 host.queue.submit(morph.update([&mut crowd]).expect("an update"));
@@ -83,7 +84,7 @@ fn in_use(host: &Host) -> Vec<Box<dyn Any>> {
     let fresh = morph.create_crowd(&uploaded, crowd.desc()).expect("a crowd");
     let mut things: Vec<Box<dyn Any>> = vec![Box::new(fresh)];
     for submitted in [true, false] {
-        Random(1).change(&mut weights);
+        change(&mut Rng::new(1, 0), &mut weights);
         weights[0] += 0.25;
         crowd.set_weights(0, &weights).expect("weights");
         let update = morph.update([&mut crowd]).expect("an update").expect("a change");

@@ -1,11 +1,12 @@
 //! Poses are right, and ready for every kind of reader.
 
 use crate::common::{
-    ComputeReader, DrawReader, Host, Random, assert_right, copy, decoded, messages, on_every_adapter, packed,
+    ComputeReader, DrawReader, Host, assert_right, change, copy, decoded, messages, on_every_adapter, packed,
     submit_and_read, uploaded,
 };
 use crate::{head, testing};
 use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Semantic, UpdateDesc, UpdatePath};
+use deltamorph_head::Rng;
 use deltamorph_wgpu::Morph;
 
 #[test]
@@ -29,10 +30,10 @@ fn draws_copies_and_compute_passes_of_one_submit_read_the_pose() {
         for (format, slots) in PoseFormat::ALL.into_iter().flat_map(|format| [(format, 1), (format, 2)]) {
             let desc = CrowdDesc::new(UpdateDesc { pose: format, slots, ..UpdateDesc::blocks() });
             let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
-            let (mut random, mut readers, mut read) = (Random(7), None, vec![]);
+            let (mut rng, mut readers, mut read) = (Rng::new(7, 0), None, vec![]);
             // No waits between frames but those of `update`.
             for _ in 0..8 {
-                random.change(&mut weights);
+                change(&mut rng, &mut weights);
                 crowd.set_weights(0, &weights).expect("weights");
                 let update = morph.update([&mut crowd]).expect("an update");
                 assert!(update.is_some());
@@ -100,10 +101,10 @@ fn crowds_are_updated_together_and_nothing_is_recorded_where_nothing_changed() {
                 (mesh, weights, crowd.expect("a crowd"))
             })
             .into();
-        let mut random = Random(3);
+        let mut rng = Rng::new(3, 0);
         for _ in 0..5 {
             for (_, weights, crowd) in &mut heads {
-                random.change(weights);
+                change(&mut rng, weights);
                 crowd.set_weights(0, weights).expect("weights");
             }
             let mut update = morph.update(heads.iter_mut().map(|(.., crowd)| crowd)).expect("an update");
