@@ -336,33 +336,3 @@ pub fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Err
     }
     Error::invalid(what(&text), "report this with the device's name, or pass your own allocator")
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The error that gpu-allocator 0.28 makes of `result` (vulkan/mod.rs, `MemoryBlock::new`).
-    fn refused(result: vk::Result) -> AllocationError {
-        match result {
-            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => AllocationError::OutOfMemory,
-            other => AllocationError::Internal(format!("Unexpected error in vkAllocateMemory: {other:?}")),
-        }
-    }
-
-    #[test]
-    fn memory_that_is_refused_is_no_mistake_of_the_hosts() {
-        for (result, remedy) in [
-            (vk::Result::ERROR_OUT_OF_HOST_MEMORY, "fewer instances"),
-            (vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "fewer instances"),
-            (vk::Result::ERROR_TOO_MANY_OBJECTS, "your own allocator"),
-        ] {
-            let error = allocation_failed("poses", 96, &refused(result));
-            let text = error.to_string();
-            assert!(matches!(error, Error::OutOfMemory { .. }), "{text}");
-            assert!(text.starts_with("no memory for 'poses' (96 bytes): ") && text.contains(remedy), "{text}");
-            assert!(!text.contains("Internal") && !text.contains("report"), "{text}");
-        }
-        let odd = allocation_failed("poses", 96, &AllocationError::Internal("Memory block must be Some".into()));
-        assert!(matches!(odd, Error::Invalid { .. }) && odd.to_string().contains("report this"), "{odd}");
-    }
-}

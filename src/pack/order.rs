@@ -232,17 +232,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_vertex_comes_once_and_the_still_ones_last() {
-        let members = [vec![0, 2, 4, 6, 8], vec![1, 2, 3], vec![]];
-        let order = order(12, &members);
-        let mut sorted = order.clone();
-        sorted.sort_unstable();
-        assert_eq!(sorted, (0..12).collect::<Vec<u32>>());
-        assert_eq!(order[7..], [5, 7, 9, 10, 11]);
-        assert!(super::order(0, &[]).is_empty() && super::order(3, &[]) == [0, 1, 2]);
-    }
-
-    #[test]
     fn interleaved_targets_get_blocks_of_their_own_and_the_next_group_orders_the_rest() {
         // Target t moves vertices ≡ t modulo 4: in the user's order every block has all targets.
         let interleaved = |end: u32| -> Vec<Vec<u32>> { (0..4).map(|t| (t..end).step_by(4).collect()).collect() };

@@ -69,23 +69,18 @@ pub(crate) fn assert_barriers_needed(frames: &[DrawnUpdate], count: usize, what:
 
 const PASS: &[Use] = &[Use::read(Resource::Poses), Use::write(Resource::Poses)];
 
-/// Updates with `lengths` steps.
-fn updates(lengths: &[usize]) -> Vec<Steps> {
-    let update = |&length: &usize| {
-        let mut steps = Steps::new(Consumers::default());
-        for step in 0..length {
-            steps.step(PASS);
-            steps.push(Work { kernel: step as u32, ..Work::default() });
-        }
-        steps
-    };
-    lengths.iter().map(update).collect()
-}
-
 /// Crowds updated together share barriers, and each barrier is needed.
 #[test]
 fn several_crowds_have_common_rounds_and_barriers() {
-    let updates = updates(&[1, 3, 0, 1]);
+    let update = |length: u32| {
+        let mut steps = Steps::new(Consumers::default());
+        for kernel in 0..length {
+            steps.step(PASS);
+            steps.push(Work { kernel, ..Work::default() });
+        }
+        steps
+    };
+    let updates = [1, 3, 0, 1].map(update);
     let pose = Memory::Pose { instance: 0, slot: 0 };
     let events = scheduled(&updates.iter().collect::<Vec<_>>(), |_, _| vec![Accesses::compute([pose], [pose])]);
     let crowd = |event: &Recorded| match event {
@@ -101,13 +96,8 @@ fn several_crowds_have_common_rounds_and_barriers() {
 #[test]
 fn barriers_name_the_consumers() {
     for (consumers, stages) in [
-        (Consumers::VERTEX_ATTRIBUTES, Stage::VertexInput as u32),
-        (Consumers::COMPUTE_SHADERS, Stage::Compute as u32),
         (Consumers::VERTEX_SHADERS | Consumers::COPIES, Stage::VertexShader as u32 | Stage::Transfer as u32),
-        (Consumers::FRAGMENT_SHADERS, Stage::FragmentShader as u32),
         (Consumers::MESH_SHADERS, Stage::TaskShader as u32 | Stage::MeshShader as u32),
-        (Consumers::RAY_TRACING_SHADERS, Stage::RayTracingShader as u32),
-        (Consumers::ACCELERATION_STRUCTURES, Stage::AccelerationStructureBuild as u32),
         ((Consumers::default() | Consumers::COPIES).of_queue(false), Stage::Transfer as u32),
         ((Consumers::MESH_SHADERS | Consumers::RAY_TRACING_SHADERS).of_queue(false), Stage::RayTracingShader as u32),
         (Consumers::default().of_queue(true), Stage::VertexShader as u32 | Stage::VertexInput as u32),
@@ -145,29 +135,12 @@ fn works_of_a_step_must_not_share_what_they_write() {
 #[test]
 fn bad_descriptions_are_refused() {
     for (desc, words) in [
-        (UpdateDesc { slots: 1, ..UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(1)) }, "2 to 64 slots"),
         (UpdateDesc { slots: 0, ..UpdateDesc::new(UpdatePath::Compute, BatchSize::All) }, "1 to 64 slots"),
         (UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(0)), "batch size of 0"),
-        (UpdateDesc::new(UpdatePath::Feedback, BatchSize::All), "vertex attributes"),
         (UpdateDesc { tolerance: 0.0, ..UpdateDesc::blocks() }, "a tolerance of 0"),
         (UpdateDesc { error_budget: -1.0, ..UpdateDesc::blocks() }, "an error budget of -1"),
         (UpdateDesc { error_budget: 1.0, ..UpdateDesc::new(UpdatePath::Compute, BatchSize::All) }, "with 'compute'"),
     ] {
         crate::testing::says(desc.check(), &[words]);
-    }
-}
-
-/// The update after a reset has no previous pose. When it changes nothing and never runs, the next one is the update
-/// after the reset.
-#[test]
-fn a_discarded_update_gives_its_cut_back() {
-    for (stays, discarded, is_cut) in [(0, 0, true), (1, 1, true), (2, 1, false), (2, 2, true)] {
-        let mut history = instances::History::new(2, 3);
-        history.advance(1, [0]);
-        history.reset();
-        (2..2 + stays).for_each(|update| history.stay(update));
-        history.discard_from(2 + stays - discarded);
-        history.advance(4, [1]);
-        assert_eq!(history.slots(), Some((1, Some(if is_cut { 1 } else { 0 }))), "{discarded} of {stays} discarded");
     }
 }

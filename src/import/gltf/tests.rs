@@ -1,7 +1,6 @@
 //! Files made here, piece by piece: what is read of them.
 
 mod alike;
-mod bounded;
 mod hostile;
 mod meshopt;
 mod partial;

@@ -51,9 +51,10 @@ fn one(mesh: PackedMesh, desc: UpdateDesc) -> One<Blocks> {
 }
 
 impl One<Blocks> {
-    /// One update: the slots of pose and previous pose, and the statistics.
-    fn step(&mut self, weights: &[f32]) -> ([Option<u32>; 2], UpdateStats) {
-        (self.update_to(weights).1, self.planner.planner.groups[0].stats)
+    /// The statistics of an update.
+    fn step(&mut self, weights: &[f32]) -> UpdateStats {
+        self.update_to(weights);
+        self.planner.planner.groups[0].stats
     }
 }
 
@@ -117,41 +118,28 @@ fn every_barrier_of_blocks_is_needed() {
 }
 
 #[test]
-fn a_still_face_is_no_work_and_a_change_touches_its_blocks_only() {
-    let mut one = one(packed(DeltaFormat::Fast, 32), float(1e-4));
-    let mut weights = [0.25; TARGETS];
-    let ([first, previous], stats) = one.step(&weights);
-    assert_eq!((previous, stats.dirty_blocks), (first, 10));
-    // The other slot was never written: it receives the whole pose once.
-    weights[1] = 0.5;
-    assert_eq!(one.step(&weights).1.dirty_blocks, 10);
-    weights[1] = 0.75;
-    let index = one.planner.mesh.layout().blocks.clone().unwrap();
-    let ([moved, previous], stats) = one.step(&weights);
-    assert_eq!(stats.dirty_blocks, index.incidence(1).len());
-    assert_ne!(previous, moved);
-    let (still, stats) = one.step(&weights);
-    assert_eq!(still, [moved, moved]);
-    assert_eq!(stats, UpdateStats { bound: stats.bound, ..UpdateStats::default() });
-    // Target 2 is empty: its weight changes no pose.
-    weights[2] = 1.0;
-    assert_eq!(one.step(&weights).1.dirty_blocks, 0);
-}
-
-#[test]
 fn a_cut_to_neutral_is_cheaper_from_base() {
     let mut one = one(packed(DeltaFormat::Fast, 32), float(1e-4));
     for frame in 0..3 {
         one.step(&[0.5 + frame as f32 / 8.0; TARGETS]);
     }
-    let (_, stats) = one.step(&[0.0; TARGETS]);
+    let stats = one.step(&[0.0; TARGETS]);
     assert!(stats.rebuilt_blocks > 0 && stats.rebuilt_blocks == stats.dirty_blocks, "{stats:?}");
     // One weight of nine: adding it is cheaper than all nine from base.
     one.step(&[0.5; TARGETS]);
     one.step(&[0.75; TARGETS]);
     let mut weights = [0.75; TARGETS];
     weights[0] = 1.0;
-    assert_eq!(one.step(&weights).1.rebuilt_blocks, 0);
+    assert_eq!(one.step(&weights).rebuilt_blocks, 0);
+}
+
+/// Updates in which one of the first `moving` weights changes: rebuilding never pays by bytes.
+fn changing(one: &mut One<Blocks>, mut weights: [f32; TARGETS], moving: usize, frames: u32) -> Vec<UpdateStats> {
+    let mut step = |frame: u32| {
+        weights[frame as usize % moving] = 0.5 + (frame * 7 % 16) as f32 / 16.0;
+        one.step(&weights)
+    };
+    (0..frames).map(&mut step).collect()
 }
 
 #[test]
@@ -159,71 +147,35 @@ fn blocks_are_refreshed_before_their_bound_passes_the_tolerance_and_not_all_at_o
     let tolerance = 2e-5;
     let mut one = one(packed(DeltaFormat::Fast, 32), float(tolerance));
     let length = tolerance * one.planner.mesh.layout().diagonal;
-    let (mut rebuilt, mut most) = (0, 0);
-    let mut weights = [0.5; TARGETS];
-    for frame in 0..1200u32 {
-        // One of nine targets changes: rebuilding never pays by bytes.
-        weights[frame as usize % TARGETS] = 0.5 + (frame * 7 % 16) as f32 / 16.0;
-        let (_, stats) = one.step(&weights);
-        assert!(stats.bound <= length, "{stats:?}");
-        if frame > 2 {
-            rebuilt += stats.rebuilt_blocks;
-            most = most.max(stats.rebuilt_blocks);
-        }
-    }
-    assert!(rebuilt > 10 && most < 10, "{rebuilt} rebuilds, {most} at once");
+    let all = changing(&mut one, [0.5; TARGETS], TARGETS, 1200);
+    assert!(all.iter().all(|stats| stats.bound <= length), "{all:?}");
+    let rebuilt = || all[3..].iter().map(|stats| stats.rebuilt_blocks);
+    assert!(rebuilt().sum::<usize>() > 10 && rebuilt().max() < Some(10), "{all:?}");
 }
 
 #[test]
 fn a_tolerance_that_a_rebuild_exceeds_does_not_cause_rebuilds_in_every_update() {
-    let mut weights = [0.5; TARGETS];
-    let mut fresh = one(packed(DeltaFormat::Fast, 32), float(1e-9));
-    weights.fill(1.5);
-    let least = fresh.step(&weights).1.bound;
-    let mut one = one(packed(DeltaFormat::Fast, 32), float(1e-9));
-    let mut rebuilt = 0;
-    let mut written = 0;
-    for frame in 0..600u32 {
-        weights[frame as usize % TARGETS] = 0.5 + (frame * 7 % 16) as f32 / 16.0;
-        let (_, stats) = one.step(&weights);
-        assert!(stats.bound > 0.0 && stats.bound <= 2.0 * least, "frame {frame}: {stats:?}, {least} at the least");
-        rebuilt += stats.rebuilt_blocks;
-        written += stats.dirty_blocks;
-    }
+    let fresh = || one(packed(DeltaFormat::Fast, 32), float(1e-9));
+    let least = fresh().step(&[1.5; TARGETS]).bound;
+    let all = changing(&mut fresh(), [1.5; TARGETS], TARGETS, 600);
+    assert!(all.iter().all(|stats| stats.bound > 0.0 && stats.bound <= 2.0 * least), "{least} at the least: {all:?}");
+    let sum = |of: fn(&UpdateStats) -> usize| all.iter().map(of).sum::<usize>();
+    let (rebuilt, written) = (sum(|stats| stats.rebuilt_blocks), sum(|stats| stats.dirty_blocks));
     assert!(rebuilt > 0 && 4 * rebuilt < written, "{rebuilt} of {written}");
 }
 
 #[test]
 fn a_tolerance_is_kept_again_once_rebuilds_keep_it() {
-    let fresh = |weights: &[f32; TARGETS]| one(packed(DeltaFormat::Fast, 32), float(1e-9)).step(weights).1.bound;
-    let all = [1.5; TARGETS];
-    let mut few = std::array::from_fn(|target| if target < 4 { 0.5 } else { 0.0 });
-    let length = (fresh(&few) + fresh(&all)) / 2.0;
+    let fresh = |weights: &[f32; TARGETS]| one(packed(DeltaFormat::Fast, 32), float(1e-9)).step(weights).bound;
+    let few = std::array::from_fn(|target| if target < 4 { 0.5 } else { 0.0 });
+    let length = (fresh(&few) + fresh(&[1.5; TARGETS])) / 2.0;
     let mesh = packed(DeltaFormat::Fast, 32);
     let tolerance = length / mesh.layout().diagonal;
     let mut one = one(mesh, float(tolerance));
-    one.step(&all);
-    assert!(one.step(&[1.4; TARGETS]).1.bound > length, "it cannot be kept");
-    for frame in 0..2000u32 {
-        few[0] = 0.5 + (frame % 16) as f32 / 16.0;
-        let (_, stats) = one.step(&few);
-        assert!(stats.bound <= length, "frame {frame}: {stats:?} of {length}");
-    }
-}
-
-#[test]
-fn small_changes_are_deferred_and_settle() {
-    let budget = 0.05;
-    let mut one = one(packed(DeltaFormat::Small, 32), UpdateDesc { error_budget: budget, ..float(1e-4) });
-    one.step(&[0.5; TARGETS]);
-    one.step(&[0.75; TARGETS]);
-    let mut weights = [0.75; TARGETS];
-    weights[0] += 0.01;
-    assert_eq!(one.step(&weights).1.dirty_blocks, 0, "it is deferred");
-    assert!(one.step(&weights).1.dirty_blocks > 0, "a still face settles");
-    assert_eq!(one.step(&weights).1.dirty_blocks, 0);
-    weights[0] += 0.5;
-    assert!(one.step(&weights).1.dirty_blocks > 0, "a large change is not deferred");
+    one.step(&[1.5; TARGETS]);
+    assert!(one.step(&[1.4; TARGETS]).bound > length, "it cannot be kept");
+    let all = changing(&mut one, few, 1, 2000);
+    assert!(all.iter().all(|stats| stats.bound <= length), "{length}: {all:?}");
 }
 
 proptest! {
@@ -315,16 +267,9 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
 fn instances_share_a_tile_where_they_share_entries() {
     let wide = DeviceTuning { widest_tile: TILE as u32, ..DeviceClass::Desktop.tuning() };
     let widths = |changed: &dyn Fn(usize, usize) -> bool| widths_of(wide, changed);
-    let blocks = widths(&|_, _| true)[3];
-    assert!(blocks > 1);
-    assert_eq!(widths(&|_, _| true), [0, 0, 0, blocks], "all change: one tile of eight a block");
-    assert_eq!(
-        widths(&|instance, t| t == instance)[2..],
-        [0, 0],
-        "instances that have nothing in common share no tile"
-    );
-    let half = widths(&|instance, t| (instance + t) % 2 == 0);
-    assert!(half[3] > 0 && half[0] == 0, "instances that have half in common do not: {half:?}");
+    let [singles @ .., blocks] = widths(&|_, _| true);
+    assert!(blocks > 1 && singles == [0; 3], "all change: one tile of eight a block");
+    assert_eq!(widths(&|instance, t| t == instance)[2..], [0, 0], "instances with nothing in common share no tile");
     let most = |instance: usize, t: usize| t % 5 != instance / 4;
     let cheap = DeviceTuning { load_cost: 0, ..wide };
     let (shared, alone) = (widths_of(wide, most)[3], widths_of(cheap, most)[3]);

@@ -37,12 +37,12 @@ pub(super) fn small() -> Written {
 }
 
 /// Read, in a multiple of the file's size.
-pub(super) fn read(bytes: &[u8]) -> Result<Gltf> {
+fn read(bytes: &[u8]) -> Result<Gltf> {
     within(bytes.len(), || from_bytes(Path::new("a.glb"), bytes.to_vec()))
 }
 
 /// Do something in the memory that files of so many bytes may take: what the documentation of the module states.
-pub(super) fn within<T>(size: usize, read: impl FnOnce() -> T) -> T {
+fn within<T>(size: usize, read: impl FnOnce() -> T) -> T {
     let mut result = None;
     let memory = allocation_counter::measure(|| result = Some(read()));
     // Three times the budget: what is charged, copies of it while it is made, and the JSON.
@@ -65,7 +65,7 @@ fn said(bytes: &[u8]) -> String {
 }
 
 /// Use a file that was accepted in every way that a host may.
-pub(super) fn exercise(gltf: &Gltf) {
+fn exercise(gltf: &Gltf) {
     for mesh in &gltf.meshes {
         let count = mesh.source.positions.len();
         assert!([&mesh.joints.len(), &mesh.joint_weights.len()].iter().all(|n| **n == mesh.joints_per_vertex * count));
@@ -166,21 +166,21 @@ fn what_is_wrong_is_named_with_its_place() {
         ("/animations/0/samplers/0/interpolation", json!("CUBICSPLINE"), "6 elements, but there are 18 values for all"),
         ("/animations/0/channels/0/sampler", json!(2), "channels[0].sampler: 2, but there are 2 samplers, counted"),
         ("/accessors/8/count", json!(0), "animations[0] 'wave'.channels[0]: no keys, left out"),
-        ("/nodes/0/name", json!("Body"), "node 0 'Body' has a skin, but its mesh no joints: it stands as the node"),
+        (
+            "/accessors/0",
+            json!({"componentType": 5126, "type": "VEC3", "count": 1_000_000_000}),
+            "1000000000 values of 12",
+        ),
+        (
+            "/meshes/0/primitives/0/attributes",
+            json!({"POSITION": 0}),
+            "node 0 '' has a skin, but its mesh no joints: it stands as the node",
+        ),
     ];
     let mut missed = vec![];
     for (at, value, expected) in cases {
         let mut file = small();
-        match file.json.pointer_mut(at) {
-            Some(place) => *place = value.clone(),
-            None => {
-                let (parent, key) = at.rsplit_once('/').unwrap();
-                file.json.pointer_mut(parent).unwrap()[key] = value.clone();
-            }
-        }
-        if *at == "/nodes/0/name" {
-            file.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("JOINTS_0");
-        }
+        file.set(at, value.clone());
         let text = said(&file.glb());
         if !text.contains(expected) {
             missed.push(format!("{at} = {value}: {text}"));
@@ -190,8 +190,7 @@ fn what_is_wrong_is_named_with_its_place() {
     // Draco, with the same values uncompressed, and without.
     let mut file = small();
     file.json["meshes"][0]["primitives"][0]["extensions"] = json!({"KHR_draco_mesh_compression": {}});
-    let found = read(&file.glb()).unwrap();
-    assert_eq!(found.meshes[0].source.positions, read(&small().glb()).unwrap().meshes[0].source.positions);
+    assert_eq!(read(&file.glb()).unwrap().meshes[0].source.positions.len(), 4);
     file.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
     let expected = "primitives[0]: compressed by Draco, which is not read; decompress the file";
     crate::testing::says(read(&file.glb()), &[expected]);
@@ -230,12 +229,7 @@ fn what_is_wrong_is_named_with_its_place() {
 }
 
 #[test]
-fn counts_without_bytes_and_bytes_used_many_times_take_bounded_memory() {
-    // Values that no buffer holds.
-    let mut file = small();
-    file.json["accessors"][0] = json!({"componentType": 5126, "type": "VEC3", "count": 1_000_000_000});
-    let expected = "accessors[0]: 1000000000 values of 12 bytes, which is more than a file of this size";
-    crate::testing::says(read(&file.glb()), &[expected]);
+fn counts_without_bytes_take_bounded_memory() {
     // JSON that is all brackets, or deep.
     let brackets = "{\"a\":{}},".repeat(1 << 20);
     let text = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{}]}}", brackets.trim_end_matches(','));
@@ -252,24 +246,6 @@ fn counts_without_bytes_and_bytes_used_many_times_take_bounded_memory() {
         let text = message(&file.glb());
         assert!(text.contains(&format!("EXT_meshopt_compression: {expected}")), "{text}");
     }
-    // A thousand views of the same bytes, in which nothing changes, each decompressed by itself.
-    let mut file = small();
-    let (count, size) = (1 << 16, 16);
-    let data = ::meshopt::encode_vertex_buffer(&vec![[0u8; 16]; count]).unwrap();
-    assert!(count * size > 500 * data.len());
-    let offset = file.bytes.len();
-    file.view(&data);
-    let packed = json!({"buffer": 0, "byteOffset": offset, "byteLength": data.len(), "byteStride": size,
-        "count": count, "mode": "ATTRIBUTES"});
-    let list = |file: &mut Written, list: &str, value: Value| file.json[list].as_array_mut().unwrap().push(value);
-    for i in 0..1000 {
-        let extensions = json!({"KHR_meshopt_compression": packed});
-        let view = json!({"buffer": 0, "byteLength": count * size, "byteStride": size, "extensions": extensions});
-        list(&mut file, "bufferViews", view);
-        list(&mut file, "accessors", json!({"componentType": 5126, "type": "VEC3", "count": 4, "bufferView": 14 + i}));
-    }
-    file.json["meshes"][0]["primitives"][0]["targets"] = (0..1000).map(|i| json!({"POSITION": 11 + i})).collect();
-    assert!(message(&file.glb()).contains(", which is more than a file of this size can hold; "));
 }
 
 #[test]
@@ -300,4 +276,7 @@ fn base64_and_files_beside_are_read() {
         std::fs::remove_file(dir.path().join(name)).unwrap();
         crate::testing::says(super::super::read(&path), &[".bin: cannot read"]);
     }
+    file.json["buffers"][0]["uri"] = json!("%61.gltf");
+    std::fs::write(&path, file.json.to_string()).unwrap();
+    crate::testing::says(super::super::read(&path), &["buffers[0].uri: the glTF file itself, not a buffer; name the"]);
 }

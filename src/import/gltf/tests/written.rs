@@ -60,6 +60,15 @@ impl Written {
         self.accessor(F32, kind, values.len(), &bytes(values.as_flattened()))
     }
 
+    /// Sets the value at a JSON pointer, which may be new in its object.
+    pub fn set(&mut self, at: &str, value: Value) {
+        let (parent, key) = at.rsplit_once('/').unwrap();
+        match self.json.pointer_mut(parent).unwrap() {
+            Value::Array(list) => list[key.parse::<usize>().unwrap()] = value,
+            object => object[key] = value,
+        }
+    }
+
     /// As GLB.
     pub fn glb(&self) -> Vec<u8> {
         self.stored(0)
