@@ -3,8 +3,7 @@
 //! failures; it never crashes, hangs, leaks or destroys twice.
 //!
 //! `DELTAMORPH_FAILING=N` takes N failures of each command, spread evenly over its calls; `DELTAMORPH_FAILING=all`
-//! takes all of them, an hour on two cores. Otherwise there are a few, and no C.
-//! Defects found earlier are always included.
+//! takes all of them, an hour on two cores; otherwise there are a few. Defects found earlier are always included.
 #![cfg(feature = "viewer")]
 
 #[path = "common/cli.rs"]
@@ -20,8 +19,6 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Defects found earlier: the first call of this name in a command.
 const FOUND: [(&str, &str, Vk); 4] = [
@@ -43,8 +40,6 @@ struct Case {
     environment: Vec<(&'static str, String)>,
     /// No path is named, so falling back to the CPU is right without a driver.
     any_path: bool,
-    /// Exits at a failed call, without cleaning up.
-    ends_at_once: bool,
     /// Configurations that lack memory during set-up may be skipped, as long as each path ran.
     may_skip: bool,
 }
@@ -53,7 +48,7 @@ impl Case {
     fn new(name: &'static str, args: &str) -> Self {
         let args = args.split(' ').map(str::to_owned).collect();
         let program = env!("CARGO_BIN_EXE_deltamorph").into();
-        Self { name, program, args, environment: vec![], any_path: false, ends_at_once: false, may_skip: false }
+        Self { name, program, args, environment: vec![], any_path: false, may_skip: false }
     }
 
     fn command(&self, folder: &Path) -> Command {
@@ -75,7 +70,7 @@ fn built() -> PathBuf {
     test.ancestors().nth(2).expect("target/PROFILE").to_path_buf()
 }
 
-fn cases(folder: &Path, display: &Display, with_c: bool) -> Vec<Case> {
+fn cases(folder: &Path, display: &Display) -> Vec<Case> {
     let (head, script) = (folder.join("head"), folder.join("script"));
     let head = head.to_str().expect("UTF-8");
     cli::ok(&["sample", head, "--vertices", "300", "--targets", "8", "--frames", "3", "--quiet"]);
@@ -86,7 +81,7 @@ fn cases(folder: &Path, display: &Display, with_c: bool) -> Vec<Case> {
     let play = |name, rest: &str| {
         Case::new(name, format!("play {head} --weights {clip} --json a.json {on} {rest}").trim_end())
     };
-    let mut all = vec![
+    let all = vec![
         Case { any_path: true, ..Case::new("devices", "devices --json a.json") },
         Case::new("apply", &format!("apply {head} --set eyeBlinkLeft=1 -o a.obj --path blocks {on}")),
         Case { any_path: true, ..play("play", "") },
@@ -116,24 +111,7 @@ fn cases(folder: &Path, display: &Display, with_c: bool) -> Vec<Case> {
         Case { program: built().join("examples/minimal"), ..Case::new("minimal.rs", "llvmpipe") },
     ];
     assert!(all[11].program.is_file(), "cargo build --example minimal");
-    if with_c {
-        let program = c_program(folder);
-        let environment = vec![("LD_LIBRARY_PATH", built().display().to_string())];
-        all.push(Case { program, environment, ends_at_once: true, ..Case::new("minimal.c", "- llvmpipe") });
-    }
     all
-}
-
-fn c_program(folder: &Path) -> PathBuf {
-    let (program, target) = (folder.join("program"), built());
-    let mut cargo = Command::new(env!("CARGO"));
-    cargo.args(["build", "--package", "deltamorph-c", "--target-dir"]).arg(target.parent().expect("target"));
-    assert!(cargo.current_dir(ROOT).status().expect("cargo").success());
-    let mut cc = Command::new("cc");
-    cc.args(["-std=c99", "-I", "include", "examples/c/minimal.c", "-ldeltamorph_c", "-lvulkan", "-lm", "-L"])
-        .arg(target);
-    assert!(cc.arg("-o").arg(&program).current_dir(ROOT).status().expect("cc").success());
-    program
 }
 
 /// Returns the reproducible output of a run: from JSON only the paths that ran, and their device.
@@ -188,7 +166,7 @@ fn judge(case: &Case, clean: &Run, run: &Run, fault: &Fault) -> Result<char, Str
             Err(format!("exit 0: {last}"))
         }
         Some(0) if result(run) != result(clean) => Err(format!("exit 0, with another result: {last}")),
-        Some(0 | 1) if run.left() > 0 && !case.ends_at_once => Err(format!("does not destroy its device: {last}")),
+        Some(0 | 1) if run.left() > 0 => Err(format!("does not destroy its device: {last}")),
         Some(0) => Ok('='),
         Some(1) if of_panel => Ok('p'),
         Some(1) => {
@@ -196,8 +174,8 @@ fn judge(case: &Case, clean: &Run, run: &Run, fault: &Fault) -> Result<char, Str
             let lost = fault.error == Vk::ERROR_DEVICE_LOST;
             // If one call's failure is tolerated, the next reports a lost device.
             let next = lost && may_be_absorbed(fault) && said.contains("failed: ERROR_DEVICE_LOST");
-            // The loader also queries extensions when it makes a device; C prints the call with its arguments.
-            let makes = said.contains("vkCreateDevice failed") || said.contains("vkCreateDevice(");
+            // The loader also queries extensions when it makes a device.
+            let makes = said.contains("vkCreateDevice failed");
             let asks = fault.call == "vkEnumerateDeviceExtensionProperties" && makes;
             let names = said.contains(&fault.call) || next || asks || memory && said.contains("no memory for '");
             match () {
@@ -227,7 +205,7 @@ fn a_call_that_fails_is_an_error_that_names_it() {
         Some(number) => number.parse().expect("DELTAMORPH_FAILING=all, or a number"),
     };
     let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
-    let cases = cases(folder.path(), &display, asked.is_some());
+    let cases = cases(folder.path(), &display);
     let clean: Vec<Run> = cases.iter().map(|case| case.run(None)).collect();
     let (mut jobs, mut possible, mut found) = (vec![], 0, 0);
     for (case, clean) in cases.iter().zip(&clean) {

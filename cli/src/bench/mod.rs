@@ -11,8 +11,6 @@ pub mod stats;
 mod subject;
 mod suites;
 mod sweep;
-#[cfg(test)]
-mod synthetic;
 mod tables;
 mod trial;
 mod workload;

@@ -74,20 +74,3 @@ fn of_paths(cell: &[&RunRecord]) -> Option<String> {
     let (cell, name, rival) = (&best.cell, best.label(), other.label());
     Some(format!("{cell}: {name} is {times:.1}× as fast as the best other path of the device, {rival}."))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::ratio;
-    use crate::bench::record::RunRecord;
-    use crate::bench::synthetic::technique as run;
-
-    #[test]
-    fn ratios_are_those_of_rounds() {
-        let (ours, other) = (run("blocks", &[1.0, 10.0, 1.0]), run("compute", &[2.0, 20.0, 3.0]));
-        assert_eq!(ratio(&ours, &other), Some(0.5), "not the third that medians give, nor what means do");
-        // Only rounds that both have.
-        assert_eq!(ratio(&run("direct", &[40.0, 500.0]), &ours), Some(45.0));
-        let alone = RunRecord { alone: true, ..other };
-        assert_eq!(ratio(&ours, &alone), Some(1.0 / 3.0), "medians, where there are no common rounds");
-    }
-}

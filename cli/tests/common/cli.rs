@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
@@ -81,6 +81,20 @@ impl Folder {
         std::fs::write(&path, contents).expect("a file");
         path
     }
+}
+
+/// Returns every file below `folder`, with its contents.
+pub fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut all = vec![];
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        match path.is_dir() {
+            true => all.extend(contents(&path)),
+            false => all.push((path.clone(), std::fs::read(path).unwrap())),
+        }
+    }
+    all.sort();
+    all
 }
 
 /// Makes a folder with the small head in it, as a folder with a clip of 24 frames; also returns the head's.

@@ -1,6 +1,6 @@
 //! The command line: printed output, written files and exit codes.
 
-use crate::cli::{HEAD, clip, deltamorph, json, ok, refused, sample};
+use crate::cli::{HEAD, clip, deltamorph, json, ok, sample};
 use serde_json::Value;
 use std::path::Path;
 
@@ -36,17 +36,11 @@ fn commands_agree_on_every_path() {
         |a: &str, b: &str| positions(a).iter().zip(positions(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let set = ["--set", "eyeBlinkLeft=0.7,eyeSquintLeft=-0.4,eyeWideLeft=1.5"];
     let reference = path("reference.obj");
-    json(
-        &[&["apply", &dir, "-o", &reference, "--path", "cpu", "--format", "float32", "--json", "-"], &set[..]].concat(),
-    );
-    for (name, format, tolerance) in [
-        ("compute", "float32", 1e-5),
-        ("vertex-store", "float32", 1e-5),
-        ("scatter", "small", 5e-3), // packed, and weights on a grid
-        ("direct", "float32", 1e-5),
-        ("direct-attributes", "float32", 1e-5),
-        ("texture", "float32", 1e-5),
-    ] {
+    ok(&[&["apply", &dir, "-o", &reference, "--path", "cpu", "--format", "float32"], &set[..]].concat());
+    // Scatter is packed, and its weights are on a grid.
+    for (name, format, tolerance) in
+        [("compute", "float32", 1e-5), ("scatter", "small", 5e-3), ("direct", "float32", 1e-5)]
+    {
         let (out, here) = (path("out.obj"), ["--path", name, "--device", "llvmpipe", "--json", "-"]);
         let applied = json(&[&["apply", &dir, "-o", &out], &set[..], &here].concat());
         assert_eq!((applied["path"].as_str(), applied["format"].as_str()), (Some(name), Some(format)));
@@ -61,34 +55,12 @@ fn commands_agree_on_every_path() {
     assert!(runs.iter().all(|run| run["verified"] == true && run["draw_ms"].as_f64().is_some()), "{out}");
     assert!(baselines.iter().all(|name| runs.iter().any(|run| run["path"] == *name)), "{out}");
     // Steps from one frame to another reach the pose of the second.
-    let step = |out: &str, more: &[&str]| {
-        let pose = ["apply", &dir, "-o", out, "--weights", clip, "--frame", "20", "--path", "compute"];
-        json(&[&pose[..], &["--device", "llvmpipe", "--json", "-"], more].concat());
-    };
     let at_once = path("at_once.obj");
-    step(&at_once, &[]);
-    assert!(farthest(&at_once, &reference) > 0.1, "another pose");
-    for first in ["0", "23"] {
-        let stepped = path("stepped.obj");
-        step(&stepped, &["--from-frame", first, "--batch-size", "1"]);
-        assert!(farthest(&stepped, &at_once) < 1e-4, "from frame {first}");
+    for more in [&[][..], &["--from-frame", "0", "--batch-size", "1"], &["--from-frame", "23", "--batch-size", "1"]] {
+        let out = if more.is_empty() { &at_once } else { &path("stepped.obj") };
+        ok(&[&["apply", &dir, "-o", out, "--weights", clip, "--frame", "20", "--path", "compute"], more].concat());
+        assert!(farthest(out, &at_once) < 1e-4 && farthest(out, &reference) > 0.1, "{more:?}");
     }
-    // All targets of a random workload are active; a draw on SwiftShader has float32 attributes for 7.
-    let (out, small) = (path("out.obj"), ["--vertices", "99", "--targets", "15"]);
-    let pose = ["apply", &dir, "-o", &out, "--set", "eyeWideLeft=1", "--path"];
-    let attributes = ["--path", "direct-attributes", "--device", "SwiftShader"];
-    for (args, code, words) in [
-        ([&pose[..], &["direct", "--mode", "incremental"]].concat(), 2, "'rebuild'"),
-        ([&pose[..], &["scatter", "--format", "fast"]].concat(), 2, "supports small"),
-        ([&["soak", "--frames", "30"], &attributes[..], &small].concat(), 1, "attributes for 7"),
-    ] {
-        refused(&args, code, words);
-    }
-    let bench = ["bench", "--frames", "2", "--changed", "4", "--no-report", "--json", "-"];
-    let out = deltamorph(&[&bench[..], &attributes, &small].concat());
-    let report: Value = serde_json::from_slice(&out.stdout).unwrap();
-    let reason = |i: usize| report["skipped"][i]["reason"].as_str().unwrap().to_owned();
-    assert!(reason(0).contains("attributes for 7") && reason(1).contains("attributes for 14"), "{report}");
     let rows = json(&["devices", "--json", "-"])["devices"][0]["paths"].as_array().unwrap().len();
     assert_eq!(rows, 9, "a line for each path");
 }
@@ -103,32 +75,6 @@ fn heads_that_do_not_fit_leave_the_rest_standing() {
 }
 
 #[test]
-fn bad_arguments_exit_with_2_and_failures_with_1() {
-    let (folder, dir) = sample();
-    let out = &*folder.at("out.obj");
-    for (args, code, words) in [
-        (&["bench", "--changed", "99", "--targets", "12", "--vertices", "50"][..], 2, "the mesh has 12 targets"),
-        (&["apply", &dir, "-o", out, "--set", "nose=1"], 2, "--set nose: 'head' has no such target"),
-        (&["apply", &dir, "-o", out], 2, "nothing to apply"),
-        (&["apply", &dir, "-o", out, "--weights", "a.csv"], 2, "give --weights CSV --frame N"),
-        (&["bench", "no/such/folder"], 1, "no/such/folder"),
-        (&["devices", "--device", "GeForce"], 1, "no such Vulkan device; choose one of: 0: "),
-        (&["apply", &dir, "-o", "-", "--set", "eyeBlinkLeft=1"], 2, "name a file"),
-        (&["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1,eyeBlinkLeft=0"], 2, "set twice"),
-        (
-            &["bench", &dir, "--no-report", "--paths", "direct", "--formats", "fast"],
-            1,
-            "direct: supports --formats float32,",
-        ),
-        (&["bench", &dir, "--no-report", "--paths", "feedback", "--poses", "fixed16"], 1, "and --poses float32"),
-        (&["bench", "--device", "GeForce", "--vertices", "50"], 1, "no Vulkan device called 'GeForce'"),
-        (&["apply", &dir, "-o", "/nonexistent/out.obj", "--set", "eyeBlinkLeft=1"], 1, "/nonexistent/out.obj"),
-    ] {
-        refused(args, code, words);
-    }
-}
-
-#[test]
 fn a_packed_file_is_an_input_everywhere() {
     let (folder, dir) = sample();
     let path = |name: &str| folder.at(name);
@@ -137,11 +83,8 @@ fn a_packed_file_is_an_input_everywhere() {
     assert_eq!((packed["schema"].as_u64(), packed["format"].as_str()), (Some(1), Some("small")), "{packed}");
     assert_eq!((packed["vertices"].as_u64(), packed["targets"].as_u64()), (Some(1200), Some(12)));
     assert_eq!(packed["file_bytes"].as_u64(), Some(Path::new(&file).metadata().unwrap().len()));
-    assert_eq!(packed["dense_f32_bytes"].as_u64(), Some(1200 * 12 * 24));
-    assert!(packed["pose_formats"][1]["grid"]["weight_bits"].as_u64() >= Some(7), "{packed}");
     let error = packed["position_error_rel"].as_f64().unwrap();
     assert!(error > 0.0 && error <= 1e-5, "{packed}");
-    assert!(!Path::new(&path("head.dmorph.part")).exists());
     let poses = packed["pose_formats"].as_array().unwrap();
     assert_eq!(poses.iter().map(|p| &p["vertex_bytes"]).collect::<Vec<_>>(), [24, 24, 12, 12]);
 
@@ -158,9 +101,8 @@ fn a_packed_file_is_an_input_everywhere() {
         assert!(info["packing_error_rel"].as_f64() >= packed["packing_error_rel"].as_f64(), "{info} {packed}");
     }
     // The largest weight is an option of poses, independent of the packed file.
-    let soak =
-        ["soak", &file, "--frames", "9", "--path", "cpu", "--pose", "fixed16", "--weight-max", "2", "--json", "-"];
-    assert_eq!(json(&soak)["bit_exact"], true);
+    let soak = ["soak", &file, "--frames", "9", "--path", "cpu", "--pose", "fixed16", "--weight-max", "2"];
+    ok(&soak);
 
     // The same pose as from the folder in the same format, and the same faces.
     let weights = ["--weights", &clip(&dir), "--frame", "20", "--json", "-"];
@@ -171,10 +113,8 @@ fn a_packed_file_is_an_input_everywhere() {
     assert_eq!(std::fs::read_to_string(&a).unwrap(), std::fs::read_to_string(&b).unwrap());
     assert!(std::fs::read_to_string(&a).unwrap().contains("\nf "));
     // Another format packs the decoded deltas.
-    for (path, format) in [("compute", "float32"), ("blocks", "fast")] {
-        let other = ["apply", &file, "-o", &a, "--path", path, "--device", "llvmpipe", "--format", format];
-        assert_eq!(json(&[&other[..], &weights[..]].concat())["format"], format);
-    }
+    let other = ["apply", &file, "-o", &a, "--path", "compute", "--device", "llvmpipe", "--format", "float32"];
+    assert_eq!(json(&[&other[..], &weights[..]].concat())["format"], "float32");
 
     let bench = ["bench", &file, "--paths", "cpu,blocks", "--changed", "4", "--frames", "2", "--no-report"];
     let out = deltamorph(&[&bench[..], &["--json", "-"]].concat());
@@ -182,25 +122,6 @@ fn a_packed_file_is_an_input_everywhere() {
     let report: Value = serde_json::from_slice(&out.stdout).unwrap();
     let runs = report["runs"].as_array().unwrap();
     assert!(!runs.is_empty() && runs.iter().all(|r| r["verified"] == true), "{report}");
-
-    // A damaged file, and conversions that would lose data.
-    let bytes = std::fs::read(&file).unwrap();
-    let (bad, empty) = (folder.file("bad.dmorph", &bytes[..bytes.len() / 2]), folder.file("empty.DMORPH", ""));
-    for (args, code, words) in [
-        (&["info", &bad][..], 1, "bad.dmorph: section"),
-        (&["info", &empty], 1, "empty.DMORPH: an empty file, where a packed mesh is expected"),
-        (&["info", "none.dmorph"], 1, "none.dmorph: cannot read: No such file"),
-        (&["pack", &file, "-o", &file], 2, "would be overwritten"),
-        (&["pack", &dir, "-o", &path("head.glb")], 2, "name it *.dmorph"),
-        (&["pack", &dir, "-o", &file, "--format", "snorm16"], 2, "name one of fast, small"),
-        (&["pack", &dir, "-o", "/nonexistent/a.dmorph"], 1, "/nonexistent/a.dmorph"),
-        (&["info", &file, "--tolerance", "0.1"], 2, "was packed with a tolerance of 0.000001"),
-        (&["apply", &file, "-o", &file, "--set", "eyeBlinkLeft=1"], 2, "would be overwritten"),
-        (&["apply", &file, "-o", &a, "--set", "eyeBlinkLeft=1", "--block-size", "64"], 2, "is packed already"),
-    ] {
-        refused(args, code, words);
-    }
-    assert_eq!(std::fs::read(&file).unwrap(), bytes);
 
     // A packed file can be packed again, in another format.
     let again = path("again.dmorph");

@@ -1,6 +1,6 @@
 //! `info`: the fields of its JSON, and what it says to people.
 
-use crate::cli::{HEAD, has, json, ok, sample};
+use crate::cli::{HEAD, has, json, ok};
 
 #[test]
 fn its_json_keeps_its_contract() {
@@ -38,14 +38,6 @@ fn its_json_keeps_its_contract() {
     );
     let names: Vec<&str> = plain["formats"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["float32", "snorm16", "fast", "small"]);
-}
-
-#[test]
-fn a_rate_that_is_given_beats_that_of_the_file_name() {
-    let (_folder, dir) = sample();
-    let fps =
-        |more: &[&str]| json(&[&["info", &dir, "--json", "-"], more].concat())["clips"][0]["fps"].as_f64().unwrap();
-    assert_eq!((fps(&[]), fps(&["--fps", "60"])), (30.0, 60.0), "the file's name ends in 30fps");
 }
 
 #[test]

@@ -16,6 +16,7 @@ mod info;
 mod lod;
 mod outputs;
 mod play;
+mod refused;
 mod render;
 mod suite;
 mod weights;

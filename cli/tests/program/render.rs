@@ -1,9 +1,9 @@
-//! `render`: pictures against reviewed ones, on every driver; refused arguments; clips.
+//! `render`: pictures against reviewed ones, on every driver; clips.
 //!
 //! `UPDATE_PICTURES=1 ./with-vulkan cargo test -p deltamorph-cli --test program render` redraws the pictures after a
 //! change of the built-in head or the light: review each of them before committing.
 
-use crate::cli::{clip, fails, ok, pixels, sample};
+use crate::cli::{clip, ok, pixels, sample};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -139,35 +139,4 @@ fn clips_are_their_frames() {
             assert!(bytes.iter().zip(&alone).filter(|(a, b)| a.abs_diff(**b) > 4).count() < 20);
         }
     }
-}
-
-#[test]
-fn what_cannot_be_drawn_says_why() {
-    let (folder, head) = sample();
-    let out = &*folder.at("out.png");
-    let refused = |args: &[&str], code: i32, words: &str| {
-        let (status, text) = fails(&[&["render", &head], args].concat());
-        assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
-        assert!(!Path::new(out).exists(), "{args:?}");
-    };
-    let weights = clip(&head);
-    refused(&[], 2, "--output");
-    refused(&["-o", out, "--set", "nose=1"], 2, "no such target");
-    refused(&["-o", out, "--weights", &weights], 2, "--frame N");
-    refused(&["-o", out, "--weights", &weights, "--frame", "24"], 2, "has no frame 24");
-    refused(&["-o", out, "--frame", "1"], 2, "--weights");
-    refused(&["-o", out, "--clip", out], 2, "cannot be used with");
-    refused(&["-o", out, "--scale", "1"], 2, "--show heat");
-    refused(&["-o", out, "--show", "skin"], 2, "wire");
-    refused(&["-o", out, "--show", "blocks", "--heat", "distance"], 2, "cannot be used with");
-    refused(&["-o", out, "--show", "motion", "--slots", "1", "--set", "eyeBlinkLeft=1"], 1, "two slots or more");
-    refused(&["-o", out, "--path", "direct"], 2, "evaluates poses in its own draws");
-    refused(&["-o", out, "--path", "blocks,cpu"], 2, "render");
-    refused(&["-o", &format!("{head}/neutral.obj")], 2, "would be overwritten");
-    refused(&["-o", "-"], 2, "name a file");
-    refused(&["-o", out, "--device", "no such"], 1, "no such");
-    refused(&["-o", &format!("{head}/nowhere/out.png")], 1, "nowhere");
-    let packed = &*folder.at("head.dmorph");
-    ok(&["pack", &head, "-o", packed, "--quiet"]);
-    ok(&["render", packed, "-o", out, "--quiet", "--size", "64x64"]);
 }

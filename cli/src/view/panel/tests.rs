@@ -9,15 +9,8 @@ use egui::{
     Context, Event, Modifiers, MouseWheelUnit, PointerButton, Popup, Pos2, RawInput, TouchPhase, Vec2, pos2, vec2,
 };
 
-/// Windows, in points, and the scale of the screen.
-const WINDOWS: [([f32; 2], f32); 6] = [
-    ([640.0, 400.0], 1.0),
-    ([1280.0, 800.0], 1.0),
-    ([400.0, 900.0], 1.0),
-    ([640.0, 400.0], 2.0),
-    ([1280.0, 800.0], 2.0),
-    ([400.0, 900.0], 2.0),
-];
+/// Windows, in points.
+const WINDOWS: [[f32; 2]; 3] = [[640.0, 400.0], [1280.0, 800.0], [400.0, 900.0]];
 
 /// How a control is used, and what is chosen.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +38,6 @@ struct Hands {
     context: Context,
     state: State,
     size: [f32; 2],
-    scale: f32,
     time: f64,
     nodes: Vec<(NodeId, Node)>,
     focus: NodeId,
@@ -54,7 +46,7 @@ struct Hands {
 }
 
 impl Hands {
-    fn new([width, height]: [f32; 2], scale: f32, targets: &str) -> Self {
+    fn new(size: [f32; 2], targets: &str) -> Self {
         let out = Output::new(true, None);
         let args = ["deltamorph", "view", "--vertices", "600", "--targets", targets];
         let Program::View(args) = Cli::parse_from(args).command else { unreachable!("it is `view`") };
@@ -62,11 +54,8 @@ impl Hands {
         let context = Context::default();
         super::super::style::apply(&context, true);
         context.enable_accesskit();
-        let size = [width, height];
-        let nodes = vec![];
-        let done = vec![];
-        let focus = NodeId(0);
-        let mut this = Self { context, state, size, scale, time: 0.0, nodes, focus, free: Rect::ZERO, done };
+        let (nodes, focus, done) = (vec![], NodeId(0), vec![]);
+        let mut this = Self { context, state, size, time: 0.0, nodes, focus, free: Rect::ZERO, done };
         (0..3).for_each(|_| this.frame(vec![], Modifiers::NONE));
         this
     }
@@ -76,10 +65,7 @@ impl Hands {
         self.time += 0.1;
         let rect = Rect::from_min_size(Pos2::ZERO, self.size.into());
         let events = [vec![Event::ModifiersChanged(modifiers)], events].concat();
-        let mut input = RawInput { screen_rect: Some(rect), time: Some(self.time), events, ..RawInput::default() };
-        for viewport in input.viewports.values_mut() {
-            viewport.native_pixels_per_point = Some(self.scale);
-        }
+        let input = RawInput { screen_rect: Some(rect), time: Some(self.time), events, ..RawInput::default() };
         let state = &self.state;
         let rows = VecDeque::from([UpdateStats::default(); 3]);
         let mut shown = None;
@@ -97,14 +83,11 @@ impl Hands {
         }
     }
 
-    fn key_with(&mut self, modifiers: Modifiers, key: Key) {
+    fn key(&mut self, key: Key) {
+        let modifiers = Modifiers::NONE;
         for pressed in [true, false] {
             self.frame(vec![Event::Key { key, physical_key: None, pressed, repeat: false, modifiers }], modifiers);
         }
-    }
-
-    fn key(&mut self, key: Key) {
-        self.key_with(Modifiers::NONE, key);
     }
 
     /// Where the control of this name is, if it is anywhere.
@@ -209,67 +192,49 @@ fn clips() -> (tempfile::TempDir, Vec<std::path::PathBuf>) {
     (folder, clips.into())
 }
 
-fn each_control(reach: fn(&mut Hands, &str, Use)) {
+#[test]
+fn each_control_is_reached_by_mouse_and_by_keyboard_in_windows_of_all_shapes() {
     let (_folder, clips) = clips();
-    for (size, scale) in WINDOWS {
-        let mut hands = Hands::new(size, scale, "52");
+    for (size, reach) in
+        WINDOWS.into_iter().flat_map(|size| [(size, Hands::by_mouse as fn(&mut _, &_, _)), (size, Hands::by_keyboard)])
+    {
+        let mut hands = Hands::new(size, "52");
+        let panel = hands.panel();
+        assert!(hands.free.area() > 0.3 * size[0] * size[1] && panel.area() > 1e4, "{size:?}: {panel}");
         hands.state.clips.clone_from(&clips);
         for (name, how, says) in CONTROLS {
             hands.done.clear();
             reach(&mut hands, name, *how);
             let done = hands.done.iter().any(|command| format!("{command:?}").starts_with(says));
-            assert!(done, "{name} in {size:?} at {scale}: {:?}", hands.done);
+            assert!(done, "{name} in {size:?}: {:?}", hands.done);
+            let inside = |rect: Rect| panel.left() - 1.0 <= rect.left() && rect.right() <= panel.right() + 1.0;
+            assert!(hands.find(name).is_none_or(inside), "{name} in {size:?} is wider than {panel}");
             hands.state.playing = false;
         }
     }
-}
-
-#[test]
-fn each_control_is_reached_by_mouse_in_windows_of_all_shapes() {
-    each_control(Hands::by_mouse);
-}
-
-#[test]
-fn each_control_is_reached_by_keyboard_in_windows_of_all_shapes() {
-    each_control(Hands::by_keyboard);
-}
-
-#[test]
-fn nothing_is_wider_than_the_panel_and_the_face_keeps_its_room() {
-    for (size, scale) in WINDOWS {
-        let hands = Hands::new(size, scale, "52");
-        let panel = hands.panel();
-        assert!(hands.free.area() > 0.3 * size[0] * size[1], "{size:?}: {}", hands.free);
-        assert!(panel.area() > 1e4, "{size:?}: {panel}");
-        for (name, rect) in CONTROLS.iter().filter_map(|(name, ..)| Some((name, hands.find(name)?))) {
-            let inside = panel.left() - 1.0 <= rect.left() && rect.right() <= panel.right() + 1.0;
-            assert!(inside, "{name} in {size:?}: {rect} of {panel}");
-        }
-    }
     // Too small for anything but the face.
-    let hands = Hands::new([200.0, 150.0], 1.0, "52");
-    assert_eq!(hands.free.size(), vec2(200.0, 150.0));
+    assert_eq!(Hands::new([200.0, 150.0], "52").free.size(), vec2(200.0, 150.0));
 }
 
 #[test]
 fn keys_do_what_the_list_says() {
     let (_folder, clips) = clips();
-    let mut hands = Hands::new([1280.0, 800.0], 1.0, "52");
+    let mut hands = Hands::new([1280.0, 800.0], "52");
     hands.state.apply(Command::Clip(clips[0].clone())).expect("a clip");
-    for (modifiers, key, says) in [
-        (Modifiers::NONE, Key::Space, "Play"),
-        (Modifiers::NONE, Key::Space, "Pause"),
-        (Modifiers::NONE, Key::Comma, "Scrub(2.0)"),
-        (Modifiers::NONE, Key::Period, "Scrub(0.0)"),
-        (Modifiers::NONE, Key::ArrowLeft, "Camera("),
-        (Modifiers::NONE, Key::ArrowUp, "Camera("),
-        (Modifiers::NONE, Key::Plus, "Zoom(1.15"),
-        (Modifiers::NONE, Key::Minus, "Zoom("),
-        (Modifiers::NONE, Key::H, "Home"),
-        (Modifiers::NONE, Key::P, "Panel(false)"),
+    for (key, says) in [
+        (Key::Space, "Play"),
+        (Key::Space, "Pause"),
+        (Key::Comma, "Scrub(2.0)"),
+        (Key::Period, "Scrub(0.0)"),
+        (Key::ArrowLeft, "Camera("),
+        (Key::ArrowUp, "Camera("),
+        (Key::Plus, "Zoom(1.15"),
+        (Key::Minus, "Zoom("),
+        (Key::H, "Home"),
+        (Key::P, "Panel(false)"),
     ] {
         hands.done.clear();
-        hands.key_with(modifiers, key);
+        hands.key(key);
         let done: Vec<String> = hands.done.iter().map(|command| format!("{command:?}")).collect();
         assert!(done.len() == 1 && done[0].starts_with(says), "{key:?}: {done:?}, not {says}");
     }
@@ -285,7 +250,7 @@ fn keys_do_what_the_list_says() {
 
 #[test]
 fn the_mouse_turns_moves_and_zooms() {
-    let mut hands = Hands::new([1280.0, 800.0], 1.0, "4");
+    let mut hands = Hands::new([1280.0, 800.0], "4");
     let middle = hands.free.center();
     let way = vec2(40.0, 20.0);
     hands.drag(PointerButton::Primary, Modifiers::NONE, middle, way);
@@ -308,7 +273,7 @@ fn the_mouse_turns_moves_and_zooms() {
 
 #[test]
 fn notices_leave_by_themselves() {
-    let mut hands = Hands::new([640.0, 400.0], 1.0, "4");
+    let mut hands = Hands::new([640.0, 400.0], "4");
     hands.state.say("words".into());
     (1..10).for_each(|_| hands.state.advance(1.0));
     assert!(hands.state.notice.is_some());
