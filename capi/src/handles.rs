@@ -259,23 +259,3 @@ impl<T> Registry<T> {
         objects.alive.remove(&bits).ok_or_else(refused)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::result::DM_ERROR_HANDLE;
-
-    fn refused<T>(result: Result<T>) -> String {
-        let Err(failure) = result else { panic!("it was taken") };
-        assert_eq!(failure.code, DM_ERROR_HANDLE);
-        failure.message
-    }
-
-    #[test]
-    fn what_is_refused_stays() {
-        let registry = Registry::new(1);
-        let first = registry.insert(1);
-        refused(registry.remove(first, |_| Err(Failure::handle("in use"))));
-        assert_eq!((*registry.get(first).unwrap(), registry.count(|object| *object == 1)), (1, 1));
-    }
-}

@@ -297,25 +297,4 @@ mod tests {
             assert_eq!(words, written);
         }
     }
-
-    #[test]
-    fn arrays_are_checked_before_they_are_read_or_written() {
-        let mut room = [0_u32; 4];
-        let mut count = 4;
-        // SAFETY: pointers are null, not aligned, or have the room that is stated.
-        unsafe {
-            assert_eq!(slice::<u32>(std::ptr::null(), 0, "a").unwrap(), [0; 0]);
-            assert!(message(slice::<u32>(std::ptr::null(), 1, "a")).contains("'a' is a null pointer"));
-            assert!(message(slice(room.as_ptr().byte_add(1), 1, "a")).contains("no multiple of 4"));
-            assert!(message(slice(room.as_ptr(), usize::MAX, "a")).contains("more than there is memory for"));
-            assert!(message(fill(room.as_mut_ptr(), 1, &[7, 8], "a")).contains("room for 1 elements, and 2"));
-            assert!(message(list(std::ptr::null_mut(), room.as_mut_ptr(), &[7], "a")).contains("'count' is a null"));
-            list(&raw mut count, std::ptr::null_mut(), &[7, 8], "a").unwrap();
-            assert_eq!((count, room), (2, [0; 4]));
-            list(&raw mut count, room.as_mut_ptr(), &[7, 8], "a").unwrap();
-            assert_eq!((count, room), (2, [7, 8, 0, 0]));
-            assert_eq!((text(c"ä".as_ptr(), "a").unwrap(), text_or_empty(std::ptr::null(), "a").unwrap()), ("ä", ""));
-            assert!(message(text(c"\xff".as_ptr(), "a")).contains("no UTF-8"));
-        }
-    }
 }

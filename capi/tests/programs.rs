@@ -292,17 +292,13 @@ fn an_installed_library_is_found_and_linked_in_both_forms() {
     let version = concat!("\"version\": \"", env!("CARGO_PKG_VERSION"), "\"");
     assert!(include_str!("../package/vcpkg/vcpkg.json").contains(version), "capi/package/vcpkg/vcpkg.json: {version}");
     let config = prefix.join("lib/pkgconfig");
-    for (form, environment) in [("shared", true), ("static", false)] {
-        let mut ask = Command::new("pkg-config");
-        ask.args(["--cflags", "--libs", "deltamorph = 0.1.0"]).env("PKG_CONFIG_PATH", &config);
-        let flags = text(&ran(ask.args((form == "static").then_some("--static"))).stdout);
-        let program = dir.path().join(form);
-        // The linker prefers the shared library.
-        let flags = if form == "static" { flags.replace("-ldeltamorph_c", "-l:libdeltamorph_c.a") } else { flags };
-        ran(Command::new("c++").arg("-std=c++17").arg(&source).args(flags.split_whitespace()).arg("-o").arg(&program));
-        let mut run = Command::new(&program);
-        ran(run.env("LD_LIBRARY_PATH", if environment { prefix.join("lib") } else { PathBuf::new() }));
-    }
+    // The commands of the README link the shared library, which the linker prefers.
+    let mut ask = Command::new("pkg-config");
+    ask.args(["--static", "--cflags", "--libs", "deltamorph = 0.1.0"]).env("PKG_CONFIG_PATH", &config);
+    let flags = text(&ran(&mut ask).stdout).replace("-ldeltamorph_c", "-l:libdeltamorph_c.a");
+    let program = dir.path().join("static");
+    ran(Command::new("c++").arg("-std=c++17").arg(&source).args(flags.split_whitespace()).arg("-o").arg(&program));
+    ran(&mut Command::new(&program));
     if Command::new("cmake").arg("--version").output().is_err() {
         eprintln!("LEFT OUT: the CMake package, since there is no cmake");
         return;

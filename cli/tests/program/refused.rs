@@ -1,5 +1,4 @@
-//! What is refused: exit code 2 for bad arguments and 1 for failures, words that say why, and no file that is written or
-//! changed.
+//! What is refused: exit code 2 for bad arguments and 1 for failures, words that say why, and no file that is changed.
 
 use crate::cli::{contents, ok, sample};
 use std::process::Command;

@@ -1,5 +1,5 @@
-//! The decoders of KHR_meshopt_compression and EXT_meshopt_compression against the encoders of meshoptimizer. Attributes
-//! without a filter are compared with its decoder by fuzz/src/targets/meshopt.rs.
+//! The decoders of KHR_meshopt_compression and EXT_meshopt_compression against the encoders of meshoptimizer.
+//! fuzz/src/targets/meshopt.rs compares attributes without a filter with its decoder.
 
 use super::super::meshopt::decode;
 use super::written::bytes;
