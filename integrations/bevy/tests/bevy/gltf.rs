@@ -24,7 +24,9 @@ fn write(path: &Path) {
     let mut file = Written::default();
     let mut vectors = |vectors: &[glam::Vec3]| {
         let accessor = file.floats(&vectors.iter().map(|v| v.to_array()).collect::<Vec<_>>());
-        let corner = |of| json!(vectors.iter().copied().reduce(of).expect("vertices").to_array());
+        let corner = |of: fn(glam::Vec3, glam::Vec3) -> glam::Vec3| {
+            json!(vectors.iter().copied().reduce(of).expect("vertices").to_array())
+        };
         file.json["accessors"][accessor]["min"] = corner(glam::Vec3::min);
         file.json["accessors"][accessor]["max"] = corner(glam::Vec3::max);
         accessor
@@ -48,7 +50,7 @@ fn write(path: &Path) {
     file.json["accessors"][seconds]["max"] = json!([TARGETS as f32]);
     let weight = |i: usize| if i / TARGETS == 2 * (i % TARGETS) + 1 { [1.0] } else { [0.0] };
     let weights = file.floats(&(0..keys * TARGETS).map(weight).collect::<Vec<_>>());
-    file.json["meshes"] = json!([{"weights": [0.0; TARGETS], "primitives": [{"indices": indices, "targets": targets,
+    file.json["meshes"] = json!([{"weights": vec![0.0; TARGETS], "primitives": [{"indices": indices, "targets": targets,
         "attributes": {"POSITION": positions, "NORMAL": normals}}]}]);
     file.json["nodes"] = json!([{"mesh": 0, "name": "head"}]);
     file.json["scenes"] = json!([{"nodes": [0]}]);
