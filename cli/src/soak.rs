@@ -188,21 +188,3 @@ impl<'a> Script<'a> {
             if rest { 0.0 } else { self.rng.range(self.range[0], self.range[1]).clamp(self.range[0], self.range[1]) };
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_seed_is_a_script() {
-        let run = |seed| {
-            let mut script = Script::new(5, &[], 1.0, seed);
-            (0..300).map(|_| script.next().0.to_vec()).collect::<Vec<_>>()
-        };
-        assert_eq!(run(3), run(3));
-        assert_ne!(run(3), run(4));
-        assert!(Script::new(0, &[], 1.0, 1).next().0.is_empty());
-        let weights: Vec<f32> = run(3).concat();
-        assert!(weights.iter().all(|w| (-0.5..=1.0).contains(w)) && weights.iter().any(|w| *w > 0.9));
-    }
-}

@@ -182,12 +182,4 @@ mod tests {
         assert_eq!(parts(&[40, 6, 6], 1, Some(20)), [[0, 1], [0, 2]], "a column at least");
         assert_eq!(parts(&[9], 1, Some(5)), [[0]]);
     }
-
-    #[test]
-    fn columns_line_up() {
-        let mut table = Table::new(&["name", "n"], 1);
-        table.row(["a".into(), "1".into()]);
-        table.row(["longer".into(), "10".into()]);
-        assert_eq!(table.to_string(), "name     n\na        1\nlonger  10");
-    }
 }

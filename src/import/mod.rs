@@ -266,20 +266,4 @@ mod tests {
         let clips = vec![weights.join("a.CSV"), weights.join("b.csv")];
         assert_eq!(open(dir.path()).unwrap().clips, clips);
     }
-
-    #[test]
-    fn what_cannot_be_read_is_refused_with_a_remedy() {
-        let dir = tempfile::tempdir().unwrap();
-        for (name, part) in [
-            ("a.DMORPH", "a.DMORPH: an empty file, where a packed mesh is expected"),
-            ("a.txt", "a.txt: a file of a kind that is not read; give a folder with neutral.obj and targets/*.obj, a"),
-            ("a.glb", "a.glb: an empty file, where a glTF file is expected; download"),
-        ] {
-            std::fs::write(dir.path().join(name), "").unwrap();
-            crate::testing::says(open(&dir.path().join(name)), &[part]);
-        }
-        let missing = open(&dir.path().join("none")).unwrap_err();
-        let is_io = matches!(missing, Error::Io { .. });
-        assert!(is_io && missing.to_string().ends_with("; check the path"), "{missing}");
-    }
 }

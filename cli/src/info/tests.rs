@@ -4,7 +4,6 @@ use super::*;
 use deltamorph::internals::diagonal;
 use deltamorph::mesh::{Corner, Faces};
 use deltamorph::{Tolerance, WeightClip};
-use std::sync::Arc;
 
 /// 130 vertices in a row; one target moves 0..64 (a whole block), one moves 63, 64 and 129, one moves none.
 pub fn mesh() -> KeptMesh {
@@ -47,10 +46,4 @@ fn clips_are_summed_up() {
     clip.values.clear();
     let found = row(&clip);
     assert_eq!((found.changed_mean, found.active_mean, found.still), (0.0, 0.0, 0.0));
-}
-
-#[test]
-fn a_quad_is_two_triangles() {
-    let input = Input { kept: Arc::new(mesh()), ..Input::default() };
-    assert_eq!(input.info().triangles, 3);
 }

@@ -28,23 +28,3 @@ pub fn places(focus: &[Vec3], heads: u32, [width, height]: [u32; 2]) -> Vec<Mat4
     };
     (0..heads).map(place).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn heads_stand_apart() {
-        let focus = [Vec3::ZERO, Vec3::new(2.0, 3.0, 2.0)];
-        for heads in [1, 2, 7, 40] {
-            let middles: Vec<Vec3> = places(&focus, heads, [1280, 720])
-                .iter()
-                .map(|p| p.transform_point3(Vec3::new(1.0, 1.5, 1.0)))
-                .collect();
-            assert_eq!(middles.len(), heads as usize);
-            for (i, a) in middles.iter().enumerate() {
-                assert!(middles[..i].iter().all(|b| a.distance(*b) > 2.0), "{heads}: {middles:?}");
-            }
-        }
-    }
-}

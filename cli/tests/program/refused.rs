@@ -50,6 +50,12 @@ const LINES: &[(&str, i32, &str)] = &[
     ("render head -o out.png --device nowhere", 1, "nowhere"),
     ("info half.dmorph", 1, "half.dmorph: section"),
     ("info empty.DMORPH", 1, "empty.DMORPH: an empty file, where a packed mesh is expected"),
+    ("info empty.glb", 1, "empty.glb: an empty file, where a glTF file is expected; download"),
+    (
+        "info empty.txt",
+        1,
+        "empty.txt: a file of a kind that is not read; give a folder with neutral.obj and targets/*.obj, a",
+    ),
     ("info none.dmorph", 1, "none.dmorph: cannot read: No such file"),
     ("info packed.dmorph --tolerance 0.1", 2, "was packed with a tolerance of 0.000001"),
     ("apply packed.dmorph -o packed.dmorph SET", 2, "would be overwritten"),
@@ -110,11 +116,9 @@ fn refused_with_words() {
     let packed = std::fs::read(at("packed.dmorph")).unwrap();
     folder.file("half.dmorph", &packed[..packed.len() / 2]);
     std::fs::create_dir(at("site")).unwrap();
-    for (name, text) in
-        [("empty.DMORPH", ""), ("bad.csv", "eyeBlinkLeft\ninf\n"), ("old.json", "mine"), ("site/index.html", "mine")]
-    {
-        folder.file(name, text);
-    }
+    ["DMORPH", "glb", "txt"].iter().for_each(|kind| _ = folder.file(&format!("empty.{kind}"), ""));
+    folder.file("bad.csv", "eyeBlinkLeft\ninf\n");
+    ["old.json", "site/index.html"].iter().for_each(|name| _ = folder.file(name, "mine"));
     #[cfg(unix)]
     std::os::unix::fs::symlink(at("packed.dmorph"), at("link.json")).unwrap();
     let before = contents(folder.0.path());
