@@ -117,6 +117,9 @@ impl CrowdDesc {
 /// of the crowd's whole range: from the draws' queue to the updates' before each update, and back after it. Since an
 /// incremental update reads poses that earlier draws read, updates and draws then alternate.
 ///
+/// On lavapipe with `shaderInt64` updates of the host's vertices take several times as long as those of engine-owned
+/// buffers, which kernels for software drivers write; GPUs run the same kernels for both.
+///
 /// ```no_run
 /// # use deltamorph::{ash::vk, CrowdDesc, GpuMesh, HostPoses, MorphEngine, PackedMesh, Semantic, UpdateDesc};
 /// # use deltamorph::VertexLayout;
