@@ -6,7 +6,7 @@ use crate::attached::{self, Attached, check_buffer};
 use crate::crowd::State;
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, DmSurface, Handle, handle};
 use crate::numbers::skin_method;
-use crate::result::{DmResult, Failure, Result, enter};
+use crate::result::{DmResult, Result, ensure, enter};
 use crate::structs::{DmNormalsTarget, DmOutputTarget};
 use deltamorph::after::{GpuNormals, Joints, NormalsTarget, OutputTarget};
 use deltamorph::ash::vk::{self, Handle as _};
@@ -61,10 +61,8 @@ fn check_output_target(asked: &DmOutputTarget, is_skinned: bool) -> Result<()> {
     if is_skinned {
         return check_buffer(asked.joints, "joints");
     }
-    match asked.joints.is_null() {
-        true => Ok(()),
-        false => Err(Failure::invalid("'joints' is set, but 'skin' is the null handle; hand in both or neither")),
-    }
+    ensure!(asked.joints.is_null(), "'joints' is set, but 'skin' is the null handle; hand in both or neither");
+    Ok(())
 }
 
 fn output_target(asked: &DmOutputTarget) -> OutputTarget<'static> {

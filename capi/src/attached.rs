@@ -6,7 +6,7 @@ use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmEngine, DmMesh, Handle};
 use crate::memory::{Versioned, check_place, read};
 use crate::mesh::Mesh;
-use crate::result::{Failure, Result, lock};
+use crate::result::{Result, ensure, lock};
 use deltamorph::MorphEngine;
 use deltamorph::ash::vk::{self, Handle as _};
 use std::sync::{Arc, Mutex};
@@ -61,8 +61,6 @@ pub(crate) unsafe fn set_target<D: Versioned, T>(
 
 /// Refuse a null buffer.
 pub fn check_buffer(buffer: vk::Buffer, what: &str) -> Result<()> {
-    match buffer.is_null() {
-        true => Err(Failure::invalid(format!("'{what}' is null; hand in a buffer, or a null pointer for no target"))),
-        false => Ok(()),
-    }
+    ensure!(!buffer.is_null(), "'{what}' is null; hand in a buffer, or a null pointer for no target");
+    Ok(())
 }

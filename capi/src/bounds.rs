@@ -3,7 +3,7 @@
 use crate::crowd::crowd_desc;
 use crate::handles::{DmMesh, DmWeightBounds, Handle, handle};
 use crate::memory::{check_place, fill, slice};
-use crate::result::{DmResult, Failure, enter};
+use crate::result::{DmResult, ensure, enter};
 use crate::structs::DmCrowdDesc;
 use deltamorph::PoseFormat;
 
@@ -63,13 +63,10 @@ pub unsafe extern "C" fn dm_weight_bounds_of(
         // SAFETY: the caller's obligation.
         let weights = unsafe { slice(weights, count as usize, "weights") }?;
         let object = bounds.get()?;
-        if weights.len() != object.targets {
-            let text = format!("{count} weights for {} targets; give one for each", object.targets);
-            return Err(Failure::invalid(text));
-        }
-        if weights.iter().chain([&bound]).any(|weight| !weight.is_finite()) {
-            return Err(Failure::invalid("a weight or bound that is not finite; use numbers"));
-        }
+        let targets = object.targets;
+        ensure!(weights.len() == targets, "{count} weights for {targets} targets; give one for each");
+        let finite = weights.iter().chain([&bound]).all(|weight| weight.is_finite());
+        ensure!(finite, "a weight or bound that is not finite; use numbers");
         let found = object.bounds.of(weights, bound);
         // SAFETY: the caller's obligation.
         unsafe { fill(least_and_greatest, 6, &[found.min, found.max].concat(), "least_and_greatest") }

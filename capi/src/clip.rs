@@ -2,7 +2,7 @@
 
 use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle, handle};
 use crate::memory::{Place, Versioned, check_place, fill, read, slice, text, text_or_empty};
-use crate::result::{DmResult, Failure, Result, enter};
+use crate::result::{DmResult, Result, ensure, enter};
 use crate::structs::{DmClipArrays, DmClipInfo};
 use deltamorph::WeightClip;
 use deltamorph::import::open_clip;
@@ -58,9 +58,8 @@ pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: 
         // SAFETY: the caller's obligations; `clip` was checked.
         unsafe {
             let arrays = read(arrays)?;
-            if !(arrays.fps.is_finite() && arrays.fps > 0.0) {
-                return Err(Failure::invalid(format!("{} frames per second; use a number above 0", arrays.fps)));
-            }
+            let fps = arrays.fps;
+            ensure!(fps.is_finite() && fps > 0.0, "{fps} frames per second; use a number above 0");
             let columns = arrays.column_count as usize;
             let name = text_or_empty(arrays.name, "name")?;
             let names = slice(arrays.names, columns, "names")?;
@@ -69,7 +68,7 @@ pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: 
             let made = WeightClip {
                 name: if name.is_empty() { "unnamed" } else { name }.to_owned(),
                 names: names.collect::<Result<_>>()?,
-                fps: arrays.fps,
+                fps,
                 values: slice(arrays.values, count, "values")?.to_vec(),
                 notes: vec![],
             };
@@ -144,13 +143,10 @@ pub unsafe extern "C" fn dm_bound_clip_sample(
 ) -> DmResult {
     enter("dm_bound_clip_sample", || {
         let BoundClip { clip } = &*clip.get()?;
-        let Some(last) = clip.frame_count().checked_sub(1) else {
-            return Err(Failure::invalid(format!("clip '{}' has no frames; bind one that has", clip.name)));
-        };
-        if frame.is_nan() {
-            return Err(Failure::invalid("a frame that is no number; count frames from 0"));
-        }
-        let at = frame.clamp(0.0, last as f64);
+        let frames = clip.frame_count();
+        ensure!(frames > 0, "clip '{}' has no frames; bind one that has", clip.name);
+        ensure!(!frame.is_nan(), "a frame that is no number; count frames from 0");
+        let at = frame.clamp(0.0, (frames - 1) as f64);
         let from = at as usize;
         let part = at.fract() as f32;
         let mut sampled = clip.frame(from)?;

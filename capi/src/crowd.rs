@@ -1,11 +1,11 @@
 //! Crowds on the device: made, changed, destroyed.
 
-use crate::arguments::{check_command_buffer, check_reserved, or};
+use crate::arguments::{check_command_buffer, or};
 use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmGpuMesh, Handle, handle};
 use crate::memory::{check_place, read, read_or_default, slice, text};
 use crate::numbers::{consumers, mode, path, pose_format, semantic};
-use crate::result::{DmResult, Failure, Result, enter, lock};
+use crate::result::{DmResult, Failure, Result, ensure, enter, lock};
 use crate::structs::{DmAnimationDesc, DmCrowdDesc, DmLevelDesc, DmPlayback};
 use crate::tickets::Tickets;
 use deltamorph::ash::vk::{self, Handle as _};
@@ -32,24 +32,21 @@ pub(crate) struct State {
 
 impl State {
     pub(crate) fn weighted(&mut self) -> Result<&mut deltamorph::Crowd> {
-        match self.crowd.clips() {
-            None => Ok(&mut self.crowd),
-            Some(_) => Err(Failure::invalid("the crowd plays clips; use dm_crowd_play and dm_crowd_set_time")),
-        }
+        let plays = self.crowd.clips().is_some();
+        ensure!(!plays, "the crowd plays clips; use dm_crowd_play and dm_crowd_set_time");
+        Ok(&mut self.crowd)
     }
 
     pub(crate) fn animated(&mut self) -> Result<&mut deltamorph::Crowd> {
-        match self.crowd.clips() {
-            Some(_) => Ok(&mut self.crowd),
-            None => Err(Failure::invalid("the crowd plays no clips; dm_crowd_create_animated makes one that does")),
-        }
+        let plays = self.crowd.clips().is_some();
+        ensure!(plays, "the crowd plays no clips; dm_crowd_create_animated makes one that does");
+        Ok(&mut self.crowd)
     }
 }
 
 impl DmCrowdDesc {
     /// The description without the host's vertices, with `default_pose` for zero.
     pub(crate) fn crowd(&self, default_pose: PoseFormat) -> Result<CrowdDesc> {
-        check_reserved("DmCrowdDesc", self.reserved)?;
         let path = path(self.path)?;
         let batch = if self.batch == 0 { BatchSize::All } else { BatchSize::Targets(self.batch) };
         let default = UpdateDesc::new(path, batch);
@@ -89,10 +86,7 @@ pub(crate) unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseForm
     }
     // SAFETY: as above.
     let host = unsafe { read(asked.poses) }?;
-    check_reserved("DmHostPoses", host.reserved)?;
-    if host.buffer.is_null() {
-        return Err(Failure::invalid("DmHostPoses: 'buffer' is null; hand in a buffer, or no DmHostPoses"));
-    }
+    ensure!(!host.buffer.is_null(), "DmHostPoses: 'buffer' is null; hand in a buffer, or no DmHostPoses");
     // SAFETY: as above.
     let streams = unsafe { slice(host.streams, host.stream_count as usize, "streams") }?;
     let mut vertex = VertexLayout::new(host.stride);
@@ -137,9 +131,8 @@ pub(crate) fn lock_all<'a>(handles: &[DmCrowd], objects: &'a [Arc<Crowd>]) -> Re
     // All threads lock in the same order, so that no two wait for each other.
     let mut order: Vec<usize> = (0..handles.len()).collect();
     order.sort_unstable_by_key(|&at| handles[at].bits());
-    if order.windows(2).any(|pair| handles[pair[0]] == handles[pair[1]]) {
-        return Err(Failure::invalid("a crowd is named twice; name each once"));
-    }
+    let once = order.windows(2).all(|pair| handles[pair[0]].bits() != handles[pair[1]].bits());
+    ensure!(once, "a crowd is named twice; name each once");
     let mut states = order.iter().map(|&at| Ok((at, lock(&objects[at].state)?))).collect::<Result<Vec<_>>>()?;
     states.sort_unstable_by_key(|(at, _)| *at);
     Ok(states.into_iter().map(|(_, state)| state).collect())
@@ -196,7 +189,6 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
         let desc = unsafe { crowd_desc(desc, PoseFormat::Fixed32) }?;
         // SAFETY: as above.
         let animation = unsafe { read(animation) }?;
-        check_reserved("DmAnimationDesc", animation.reserved)?;
         // SAFETY: as above.
         let clips = unsafe { slice(animation.clips, animation.clip_count as usize, "clips") }?;
         let clips = clips.iter().map(|clip| Ok(clip.get()?.clip.clone())).collect::<Result<Vec<WeightClip>>>()?;
@@ -283,7 +275,6 @@ pub unsafe extern "C" fn dm_crowd_play(crowd: DmCrowd, instance: u32, playback: 
     enter("dm_crowd_play", || {
         // SAFETY: the caller's obligation.
         let asked = unsafe { read(playback) }?;
-        check_reserved("DmPlayback", asked.reserved)?;
         let repeat = if asked.once != 0 { Repeat::Once } else { Repeat::Loop };
         let playback =
             Playback { start: asked.start, speed: or(asked.speed, 1.0), repeat, ..Playback::new(asked.clip) };

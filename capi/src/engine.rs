@@ -1,10 +1,9 @@
 //! The engine on a device of the host's.
 
 use crate::allocate::Functions;
-use crate::arguments::check_reserved;
 use crate::handles::{DmEngine, Handle, handle};
 use crate::memory::{Place, Versioned, characters, check_place, read, slice};
-use crate::result::{DmResult, Failure, Result, enter};
+use crate::result::{DmResult, Failure, Result, ensure, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo, DmMemoryUse};
 use deltamorph::ash::vk::{self, Handle as _};
 use deltamorph::memory::{MemorySource, MemoryUse};
@@ -42,37 +41,36 @@ pub unsafe extern "C" fn dm_engine_create(desc: *const DmEngineDesc, engine: *mu
 /// # Safety
 /// The conditions of [`dm_engine_create`].
 unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
-    check_reserved("DmEngineDesc", desc.reserved)?;
-    let null = |what: &str| Failure::invalid(format!("'{what}' is null; hand in the host's own"));
-    let get = desc.get_instance_proc_addr.0.ok_or_else(|| null("get_instance_proc_addr"))?;
-    let handles = [
+    let functions = desc.get_instance_proc_addr.0;
+    for (what, is_null) in [
+        ("get_instance_proc_addr", functions.is_none()),
         ("instance", desc.instance.is_null()),
         ("physical_device", desc.physical_device.is_null()),
         ("device", desc.device.is_null()),
-    ];
-    if let Some((what, _)) = handles.into_iter().find(|(_, is_null)| *is_null) {
-        return Err(null(what));
+    ] {
+        ensure!(!is_null, "'{what}' is null; hand in the host's own");
     }
     // SAFETY: the handles are alive and belong together, and the functions are theirs: the caller's obligations.
     unsafe {
-        let load = |name: &CStr| get(desc.instance, name.as_ptr());
+        let load = |name: &CStr| functions.and_then(|get| get(desc.instance, name.as_ptr()));
         // Checked before any call that Vulkan 1.0 does not have.
-        let needed = c"vkGetPhysicalDeviceProperties2";
         let pointer = |function: vk::PFN_vkVoidFunction| function.map_or(std::ptr::null(), |f| f as *const c_void);
         let instance = ash::Instance::load_with(|name| pointer(load(name)), desc.instance);
-        let version = || instance.get_physical_device_properties(desc.physical_device).api_version;
-        let version = load(needed).map_or(0, |_| version());
-        if version < vk::API_VERSION_1_1 {
-            let remedy = "create the instance with apiVersion 1.1 or later, on a device that has it";
-            return Err(Failure::invalid(format!("instance or device are of Vulkan 1.0; {remedy}")));
-        }
+        let version = load(c"vkGetPhysicalDeviceProperties2")
+            .map_or(0, |_| instance.get_physical_device_properties(desc.physical_device).api_version);
+        ensure!(
+            version >= vk::API_VERSION_1_1,
+            "instance or device are of Vulkan 1.0; create the instance with apiVersion 1.1 or later, on a device that \
+             has it"
+        );
         let device = match desc.get_device_proc_addr.0 {
             None => ash::Device::load(instance.fp_v1_0(), desc.device),
             Some(get) => ash::Device::load_with(|name| pointer(get(desc.device, name.as_ptr())), desc.device),
         };
-        let features = match desc.enabled_features.is_null() {
-            true => vk::PhysicalDeviceFeatures::default(),
-            false => desc.enabled_features.read_unaligned(),
+        let features = if desc.enabled_features.is_null() {
+            vk::PhysicalDeviceFeatures::default()
+        } else {
+            desc.enabled_features.read_unaligned()
         };
         let families = slice(desc.queue_families, desc.queue_family_count as usize, "queue_families")?;
         let device_desc = DeviceDesc {

@@ -6,7 +6,7 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// A mesh in memory, packed. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmMesh {
     /// Kind and number.
     pub bits: u64,
@@ -14,7 +14,7 @@ pub struct DmMesh {
 
 /// The engine on a device of the host's. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmEngine {
     /// Kind and number.
     pub bits: u64,
@@ -22,7 +22,7 @@ pub struct DmEngine {
 
 /// A mesh on the device. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmGpuMesh {
     /// Kind and number.
     pub bits: u64,
@@ -30,7 +30,7 @@ pub struct DmGpuMesh {
 
 /// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmCrowd {
     /// Kind and number.
     pub bits: u64,
@@ -38,7 +38,7 @@ pub struct DmCrowd {
 
 /// A clip of weights with names of targets. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmClip {
     /// Kind and number.
     pub bits: u64,
@@ -46,7 +46,7 @@ pub struct DmClip {
 
 /// A clip whose columns are bound to targets of a mesh. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmBoundClip {
     /// Kind and number.
     pub bits: u64,
@@ -54,7 +54,7 @@ pub struct DmBoundClip {
 
 /// Host memory that poses are copied to and decoded from. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmReadback {
     /// Kind and number.
     pub bits: u64,
@@ -62,7 +62,7 @@ pub struct DmReadback {
 
 /// Joints and weights of a mesh's vertices, on the device. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmSkin {
     /// Kind and number.
     pub bits: u64,
@@ -70,7 +70,7 @@ pub struct DmSkin {
 
 /// The triangles around each vertex of a mesh, on the device: for normals of the morphed surface. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmSurface {
     /// Kind and number.
     pub bits: u64,
@@ -78,7 +78,7 @@ pub struct DmSurface {
 
 /// Computes bounds of poses from their weights. All zero: none.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmWeightBounds {
     /// Kind and number.
     pub bits: u64,

@@ -2,7 +2,7 @@
 //! C caller has to know is in the documentation of the functions, which the header repeats.
 //!
 //! All of it uses the public API of the Rust library. Properties that C cannot express are checked here: handles
-//! ([`handles`]), pointers and sizes of structures ([`memory`]), reserved fields ([`arguments`]), numbers of
+//! ([`handles`]), pointers, sizes and reserved fields of structures ([`memory`]), numbers of
 //! enumerations ([`numbers`]); every entry turns errors and panics into a code and a message ([`result`]).
 
 pub mod after;

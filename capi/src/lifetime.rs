@@ -2,7 +2,7 @@
 
 use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmReadback, DmSkin, DmSurface, Handle, Kind, is_kind};
-use crate::result::{DmResult, Failure, enter, lock};
+use crate::result::{DmResult, ensure, enter, lock};
 use crate::{attached, crowd};
 use std::sync::Arc;
 
@@ -45,9 +45,9 @@ pub unsafe extern "C" fn dm_release_staging(handle: u64) -> DmResult {
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_engine_destroy(engine: DmEngine) -> DmResult {
     enter("dm_engine_destroy", || {
-        engine.destroy(|engine| match Arc::strong_count(engine) {
-            1 => Ok(()),
-            _ => Err(Failure::invalid(format!("the engine is used by {}", users(engine)))),
+        engine.destroy(|engine| {
+            ensure!(Arc::strong_count(engine) == 1, "the engine is used by {}", users(engine));
+            Ok(())
         })
     })
 }
@@ -65,8 +65,9 @@ fn users(engine: &Arc<Engine>) -> String {
         ("DmSurface", count::<DmSurface>(engine, |surface| &surface.engine)),
     ];
     let alive: Vec<String> = counts.iter().filter(|(_, n)| *n > 0).map(|(kind, n)| format!("{n} {kind}")).collect();
-    match alive.is_empty() {
-        true => "a call on another thread; destroy it when that has returned".to_owned(),
-        false => format!("{}; destroy these first", alive.join(", ")),
+    if alive.is_empty() {
+        "a call on another thread; destroy it when that has returned".to_owned()
+    } else {
+        format!("{}; destroy these first", alive.join(", "))
     }
 }

@@ -1,6 +1,6 @@
 //! Arguments that C passes by pointer: structures that state their size, arrays, strings, and output pointers.
 
-use crate::result::{Failure, Result};
+use crate::result::{Failure, Result, ensure};
 use std::ffi::{CStr, c_char};
 
 /// A structure that begins with its size in bytes, so that it can get further fields at its end.
@@ -13,6 +13,11 @@ pub unsafe trait Versioned: Copy {
 
     /// Its size in bytes in the first version of the API.
     const FIRST_SIZE: usize = size_of::<Self>();
+
+    /// Its reserved field, which has to be zero, so that it can get a meaning later.
+    fn reserved(&self) -> u32 {
+        0
+    }
 
     /// All zeros but the size.
     fn zeroed() -> Self {
@@ -30,19 +35,16 @@ pub unsafe trait Versioned: Copy {
 /// # Safety
 /// `pointer` is null, or points to memory that begins with a `u32`.
 unsafe fn stated_size<T: Versioned>(pointer: *const T) -> Result<usize> {
-    if pointer.is_null() {
-        return Err(Failure::invalid(format!("a null pointer to {0}; hand in a {0}", T::NAME)));
-    }
+    ensure!(!pointer.is_null(), "a null pointer to {0}; hand in a {0}", T::NAME);
     // SAFETY: the caller's obligation.
     let size = unsafe { pointer.cast::<u32>().read_unaligned() } as usize;
-    match size >= T::FIRST_SIZE {
-        true => Ok(size),
-        false => Err(Failure::invalid(format!(
-            "{0} with a struct_size of {size}; set it to sizeof({0}), which is at least {1}",
-            T::NAME,
-            T::FIRST_SIZE
-        ))),
-    }
+    ensure!(
+        size >= T::FIRST_SIZE,
+        "{0} with a struct_size of {size}; set it to sizeof({0}), which is at least {1}",
+        T::NAME,
+        T::FIRST_SIZE
+    );
+    Ok(size)
 }
 
 /// Reads a structure of the caller's: fields that an earlier version did not have are zero; non-zero bytes of a later
@@ -60,13 +62,14 @@ pub unsafe fn read<T: Versioned>(pointer: *const T) -> Result<T> {
         pointer.cast::<u8>().copy_to_nonoverlapping((&raw mut value).cast(), known);
         std::slice::from_raw_parts(pointer.cast::<u8>().add(known), size - known)
     };
-    if rest.iter().any(|byte| *byte != 0) {
-        return Err(Failure::invalid(format!(
-            "{0} of {size} bytes, of which this version of the library knows {known}, and something is set behind \
-             them; link a library that is as new as the header, or leave the rest zero",
-            T::NAME
-        )));
-    }
+    ensure!(
+        rest.iter().all(|byte| *byte == 0),
+        "{0} of {size} bytes, of which this version of the library knows {known}, and something is set behind \
+         them; link a library that is as new as the header, or leave the rest zero",
+        T::NAME
+    );
+    let reserved = value.reserved();
+    ensure!(reserved == 0, "{}: 'reserved' is {reserved}; set it to 0", T::NAME);
     Ok(value)
 }
 
@@ -152,13 +155,9 @@ pub fn check_place<T>(pointer: *const T, what: &str) -> Result<()> {
 }
 
 fn check_pointer<T>(pointer: *const T, what: &str, remedy: &str) -> Result<()> {
-    if pointer.is_null() {
-        return Err(Failure::invalid(format!("'{what}' is a null pointer; {remedy}")));
-    }
-    if !pointer.is_aligned() {
-        let text = format!("'{what}' is at {pointer:p}, which is no multiple of {}; align it", align_of::<T>());
-        return Err(Failure::invalid(text));
-    }
+    ensure!(!pointer.is_null(), "'{what}' is a null pointer; {remedy}");
+    let align = align_of::<T>();
+    ensure!(pointer.is_aligned(), "'{what}' is at {pointer:p}, which is no multiple of {align}; align it");
     Ok(())
 }
 
@@ -177,10 +176,9 @@ pub unsafe fn slice<'a, T>(pointer: *const T, count: usize, what: &str) -> Resul
 
 fn check_array<T>(pointer: *const T, count: usize, what: &str) -> Result<()> {
     check_pointer(pointer, what, &format!("hand in {count} elements, or a count of 0"))?;
-    match count > isize::MAX as usize / size_of::<T>().max(1) {
-        true => Err(Failure::invalid(format!("'{what}' has {count} elements, more than there is memory for"))),
-        false => Ok(()),
-    }
+    let most = isize::MAX as usize / size_of::<T>().max(1);
+    ensure!(count <= most, "'{what}' has {count} elements, more than there is memory for");
+    Ok(())
 }
 
 /// Writes `values` to an array of the caller's with room for `count`.
@@ -192,10 +190,8 @@ pub unsafe fn fill<T: Copy>(pointer: *mut T, count: usize, values: &[T], what: &
         return Ok(());
     }
     check_place(pointer, what)?;
-    if count < values.len() {
-        let text = format!("'{what}' has room for {count} elements, and {0} are needed; give {0}", values.len());
-        return Err(Failure::invalid(text));
-    }
+    let needed = values.len();
+    ensure!(count >= needed, "'{what}' has room for {count} elements, and {needed} are needed; give {needed}");
     // SAFETY: there is room for `count`, says the caller, and that is enough.
     unsafe { pointer.copy_from_nonoverlapping(values.as_ptr(), values.len()) };
     Ok(())

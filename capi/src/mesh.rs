@@ -1,10 +1,10 @@
 //! Meshes in memory: imported, and packed for the device.
 
-use crate::arguments::{check_reserved, or};
+use crate::arguments::or;
 use crate::handles::{DmMesh, Handle, handle};
 use crate::memory::{array, check_place, read, read_or_default, slice, text, text_or_empty};
 use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, DM_MESSAGE_NOTE, delta_format};
-use crate::result::{DmResult, Failure, Result, c_string, enter};
+use crate::result::{DmResult, Result, c_string, ensure, enter};
 use crate::structs::{DmMeshArrays, DmMeshDesc};
 use deltamorph::import::{Imported, ImportedMesh, open};
 use deltamorph::{BlockDesc, MeshArrays, PackDesc, PackedLayout, PackedMesh, TargetArrays, Tolerance};
@@ -24,10 +24,9 @@ impl DmMeshDesc {
     const FLAGS: u32 = DM_MESH_SPLIT | DM_MESH_WELD | DM_MESH_KEEP_ALL;
 
     fn has(&self, flag: u32) -> Result<bool> {
-        match self.flags & !Self::FLAGS {
-            0 => Ok(self.flags & flag != 0),
-            unknown => Err(Failure::invalid(format!("flag {unknown:#x} is unknown; combine DM_MESH_ constants"))),
-        }
+        let unknown = self.flags & !Self::FLAGS;
+        ensure!(unknown == 0, "flag {unknown:#x} is unknown; combine DM_MESH_ constants");
+        Ok(self.flags & flag != 0)
     }
 
     fn tolerance(&self) -> Result<Tolerance> {
@@ -87,9 +86,10 @@ impl Mesh {
     /// The mesh of a packed file, packed again if `desc` says how.
     fn of_packed(packed: PackedMesh, desc: &DmMeshDesc) -> Result<Self> {
         desc.tell(&packed.notes);
-        match desc.packs_by_default() {
-            true => Ok(Self::new(packed)),
-            false => Ok(Self::new(PackedMesh::pack(&packed.unpack()?, &desc.pack_desc()?)?)),
+        if desc.packs_by_default() {
+            Ok(Self::new(packed))
+        } else {
+            Ok(Self::new(PackedMesh::pack(&packed.unpack()?, &desc.pack_desc()?)?))
         }
     }
 
@@ -209,12 +209,10 @@ pub unsafe extern "C" fn dm_mesh_from_arrays(
 unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<deltamorph::Mesh> {
     // SAFETY: the caller's obligations, of this array and of each of its targets below.
     let arrays = unsafe { read(arrays) }?;
-    check_reserved("DmMeshArrays", arrays.reserved)?;
     let count = arrays.vertex_count as usize;
     let mut targets = Vec::new();
     // SAFETY: as above.
     for target in unsafe { array(arrays.targets, arrays.target_count) }? {
-        check_reserved("DmTargetArrays", target.reserved)?;
         // SAFETY: as above.
         unsafe {
             targets.push(TargetArrays {

@@ -3,7 +3,7 @@
 use crate::handles::{DmMesh, Handle};
 use crate::memory::{Place, Versioned, check_place, fill, list, read, slice, text};
 use crate::numbers::{delta_number, pose_format};
-use crate::result::{DmResult, Failure, Result, enter};
+use crate::result::{DmResult, Failure, Result, ensure, enter};
 use crate::structs::{DmMeshInfo, DmRenderVertices, DmRequirement};
 use deltamorph::ash::vk;
 use deltamorph::reference::evaluate;
@@ -145,8 +145,7 @@ pub unsafe extern "C" fn dm_mesh_target_name(mesh: DmMesh, target: u32, name: *m
         check_place(name, "name")?;
         let mesh = mesh.get()?;
         let found = mesh.names.get(target as usize).ok_or_else(|| {
-            let targets = mesh.names.len();
-            Failure::invalid(format!("target {target} of a mesh with {targets}; count targets from 0"))
+            Failure::invalid(format!("target {target} of a mesh with {}; count targets from 0", mesh.names.len()))
         })?;
         // SAFETY: the caller's obligation; it was checked.
         unsafe { name.write(found.as_ptr()) };
@@ -168,8 +167,8 @@ pub unsafe extern "C" fn dm_mesh_find_target(mesh: DmMesh, name: *const c_char, 
         let name = unsafe { text(name, "name") }?;
         let mesh = mesh.get()?;
         let found = mesh.layout().targets.iter().position(|target| target.name == name).ok_or_else(|| {
-            let text = format!("mesh '{}' has no target '{name}'", mesh.layout().name);
-            Failure::invalid(format!("{text}; dm_mesh_target_name tells the names"))
+            let mesh = &mesh.layout().name;
+            Failure::invalid(format!("mesh '{mesh}' has no target '{name}'; dm_mesh_target_name tells the names"))
         })?;
         // SAFETY: the caller's obligation; it was checked.
         unsafe { target.write(found as u32) };
@@ -273,9 +272,7 @@ pub unsafe extern "C" fn dm_mesh_evaluate(
         // SAFETY: the caller's obligations.
         let weights = unsafe { slice(weights, weight_count as usize, "weights") }?;
         let targets = mesh.layout().targets.len();
-        if weights.len() > targets {
-            return Err(Failure::invalid(format!("{weight_count} weights for {targets} targets; give one per target")));
-        }
+        ensure!(weights.len() <= targets, "{weight_count} weights for {targets} targets; give one per target");
         // SAFETY: as above.
         unsafe { fill(pose, count, &evaluate(&mesh.packed, weights), "pose") }
     })

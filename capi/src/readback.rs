@@ -104,8 +104,10 @@ pub unsafe extern "C" fn dm_readback_pose(
             None => poses.insert(unsafe { readback.poses() }?),
         };
         let pose = poses.get(at as usize).ok_or_else(|| {
-            let text = format!("pose {at} of {} that were read back", poses.len());
-            Failure::invalid(format!("{text}; dm_readback_record names the instances, counted from 0"))
+            Failure::invalid(format!(
+                "pose {at} of {} that were read back; dm_readback_record names the instances, counted from 0",
+                poses.len()
+            ))
         })?;
         let found = match stream {
             0 => &pose.vertices,

@@ -4,7 +4,7 @@ use crate::arguments::check_command_buffer;
 use crate::crowd::{Crowd, lock_all};
 use crate::handles::{DmCrowd, Handle};
 use crate::memory::{Place, Versioned, slice};
-use crate::result::{DmResult, Failure, Result, enter, lock};
+use crate::result::{DmResult, Result, ensure, enter, lock};
 use crate::structs::{DmTicket, DmUpdate};
 use deltamorph::Update;
 use deltamorph::ash::vk;
@@ -64,16 +64,14 @@ pub unsafe extern "C" fn dm_record_update(
         let mut places = unsafe { places(updates, count) }?;
         let objects = handles.iter().map(|crowd| crowd.get()).collect::<Result<Vec<Arc<Crowd>>>>()?;
         check_command_buffer(cmd)?;
-        let Some(first) = objects.first() else {
-            return Err(Failure::invalid("an update of an empty list of crowds; pass at least one"));
-        };
-        if objects.iter().any(|object| !Arc::ptr_eq(&object.engine, &first.engine)) {
-            return Err(Failure::invalid("crowds of several engines; record the updates of each engine by themselves"));
-        }
+        ensure!(count > 0, "an update of an empty list of crowds; pass at least one");
+        let engine = &objects[0].engine;
+        let one = objects.iter().all(|object| Arc::ptr_eq(&object.engine, engine));
+        ensure!(one, "crowds of several engines; record the updates of each engine by themselves");
         let mut states = lock_all(handles, &objects)?;
         let mut all: Vec<_> = states.iter_mut().map(|state| &mut state.crowd).collect();
         // SAFETY: the caller's obligations.
-        let recorded = unsafe { first.engine.morph.record_updates(cmd, &mut all) }?;
+        let recorded = unsafe { engine.morph.record_updates(cmd, &mut all) }?;
         places.resize_with(recorded.len(), || None);
         for (((recorded, place), state), handle) in recorded.iter().zip(places).zip(&mut states).zip(handles) {
             let number = state.tickets.push(recorded.ticket);
@@ -114,9 +112,7 @@ unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_discard(crowd: DmCrowd, ticket: DmTicket) -> DmResult {
     enter("dm_crowd_discard", || {
-        if ticket.crowd != crowd.bits() {
-            return Err(Failure::invalid("the ticket of another crowd; hand in the crowd that was updated"));
-        }
+        ensure!(ticket.crowd == crowd.bits(), "the ticket of another crowd; hand in the crowd that was updated");
         let object = crowd.get()?;
         let mut state = lock(&object.state)?;
         let ticket = state.tickets.find(ticket.number)?;

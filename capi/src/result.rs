@@ -85,6 +85,17 @@ fn in_c(message: String) -> String {
     NAMES.iter().fold(message, |text, (rust, c)| text.replace(rust, c))
 }
 
+/// Refuses an argument unless a condition holds, with what is wrong and the remedy, as for `format!`.
+macro_rules! ensure {
+    ($holds:expr, $($message:tt)+) => {
+        let holds: bool = $holds;
+        if !holds {
+            return Err($crate::result::Failure::invalid(format!($($message)+)));
+        }
+    };
+}
+pub(crate) use ensure;
+
 /// `Result` with a [`Failure`].
 pub type Result<T> = std::result::Result<T, Failure>;
 

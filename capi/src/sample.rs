@@ -5,7 +5,7 @@ use crate::clip::Clip;
 use crate::handles::{DmClip, DmMesh, Handle};
 use crate::memory::{check_place, read_or_default};
 use crate::mesh::{Mesh, create};
-use crate::result::{DmResult, Failure, Result, enter};
+use crate::result::{DmResult, Result, ensure, enter};
 use crate::structs::{DmMeshDesc, DmSampleDesc};
 use deltamorph_head::{HeadDesc, head, head_clip};
 
@@ -20,13 +20,13 @@ fn head_desc(sample: &DmSampleDesc) -> Result<HeadDesc> {
     let targets = or(sample.targets as usize, default.targets);
     let sparsity = or(sample.sparsity, default.sparsity);
     let seed = or(sample.seed, default.seed);
-    if vertices > HEAD_VERTICES || vertices as u64 * targets as u64 > HEAD_DELTAS {
-        let most = "use 10,000,000 vertices at most, and 2^28 for vertices times targets";
-        return Err(Failure::invalid(format!("a head of {vertices} vertices and {targets} targets; {most}")));
-    }
-    if !(sparsity > 0.0 && sparsity <= 1.0) {
-        return Err(Failure::invalid(format!("a sparsity of {sparsity}; use a number above 0 and at most 1")));
-    }
+    ensure!(
+        vertices <= HEAD_VERTICES && vertices as u64 * targets as u64 <= HEAD_DELTAS,
+        "a head of {vertices} vertices and {targets} targets; use 10,000,000 vertices at most, and 2^28 for vertices \
+         times targets"
+    );
+    let fits = sparsity > 0.0 && sparsity <= 1.0;
+    ensure!(fits, "a sparsity of {sparsity}; use a number above 0 and at most 1");
     Ok(HeadDesc { vertices, targets, sparsity, seed })
 }
 
@@ -77,13 +77,13 @@ pub unsafe extern "C" fn dm_clip_sample_head(
         // SAFETY: the caller's obligations; `clip` was checked.
         unsafe {
             let desc = head_desc(&read_or_default(sample)?)?;
-            if !(fps == 0.0 || (0.1..=1000.0).contains(&fps)) {
-                return Err(Failure::invalid(format!("{fps} frames per second; use a number from 0.1 to 1000")));
-            }
-            if u64::from(frame_count) * desc.targets as u64 > CLIP_WEIGHTS {
-                let what = format!("{frame_count} frames of {} targets", desc.targets);
-                return Err(Failure::invalid(format!("{what}, more than 2^24 weights; use fewer frames")));
-            }
+            let fits = fps == 0.0 || (0.1..=1000.0).contains(&fps);
+            ensure!(fits, "{fps} frames per second; use a number from 0.1 to 1000");
+            let targets = desc.targets;
+            ensure!(
+                u64::from(frame_count) * targets as u64 <= CLIP_WEIGHTS,
+                "{frame_count} frames of {targets} targets, more than 2^24 weights; use fewer frames"
+            );
             clip.write(DmClip::insert(Clip { clip: head_clip(&desc, frame_count as usize, fps) }));
         }
         Ok(())

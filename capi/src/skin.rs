@@ -1,6 +1,6 @@
 //! Skins and their joints; where outputs are.
 
-use crate::arguments::{check_reserved, or};
+use crate::arguments::or;
 use crate::attached::{self, Attached};
 use crate::crowd::with;
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, Handle, handle};
@@ -37,7 +37,6 @@ pub unsafe extern "C" fn dm_skin_upload(
         // SAFETY: the caller's obligations.
         let make = |engine: &deltamorph::MorphEngine, mesh: &crate::mesh::Mesh| unsafe {
             let asked = read(desc)?;
-            check_reserved("DmSkinDesc", asked.reserved)?;
             let influences = or(asked.influences, 4);
             let count = mesh.layout().vertex_count.saturating_mul(influences as usize);
             let joints = slice(asked.joints, count, "joints")?;

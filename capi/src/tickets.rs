@@ -32,8 +32,10 @@ impl Tickets {
         })?;
         let at = usize::try_from(age).ok().and_then(|age| self.kept.len().checked_sub(age + 1));
         at.and_then(|at| self.kept.get(at).copied()).ok_or_else(|| {
-            let text = format!("update {number} of {} is older than the last {KEPT}", self.recorded);
-            Failure::invalid(format!("{text}; discard updates before as many are recorded"))
+            Failure::invalid(format!(
+                "update {number} of {} is older than the last {KEPT}; discard updates before as many are recorded",
+                self.recorded
+            ))
         })
     }
 }

@@ -140,7 +140,7 @@ pub struct DmPlayback {
 
 /// Names an update, to discard it.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub struct DmTicket {
     /// Bits of the crowd's handle.
     pub crowd: u64,

@@ -13,36 +13,39 @@ pub use mesh::*;
 use crate::memory::Versioned;
 
 macro_rules! versioned {
-    ($($name:ident $($first:literal)?;)*) => {$(
+    ($($name:ident $($first:literal)? $($reserved:ident)?;)*) => {$(
         // SAFETY: `repr(C)` without padding (header.rs adds up the sizes of fields), a `u32` first, and numbers,
         // pointers and nullable functions after it.
         unsafe impl Versioned for $name {
             const NAME: &'static str = stringify!($name);
             $(const FIRST_SIZE: usize = $first;)?
+            $(fn reserved(&self) -> u32 {
+                self.$reserved
+            })?
         }
     )*};
 }
 
-// A structure that gets fields after a release states its size in the first version: `DmCrowdDesc 96;`.
+// A structure that gets fields after a release states its size in the first version: `DmCrowdDesc 96 reserved;`.
 versioned! {
-    DmEngineDesc;
+    DmEngineDesc reserved;
     DmEngineInfo;
     DmMeshDesc;
-    DmMeshArrays;
-    DmTargetArrays;
+    DmMeshArrays reserved;
+    DmTargetArrays reserved;
     DmSampleDesc;
     DmMeshInfo;
     DmRenderVertices;
-    DmCrowdDesc;
-    DmHostPoses;
-    DmAnimationDesc;
+    DmCrowdDesc reserved;
+    DmHostPoses reserved;
+    DmAnimationDesc reserved;
     DmLevelDesc;
-    DmPlayback;
+    DmPlayback reserved;
     DmUpdate;
     DmPoseView;
     DmStreamView;
     DmNormalsTarget;
-    DmSkinDesc;
+    DmSkinDesc reserved;
     DmOutputTarget;
     DmOutputView;
     DmClipInfo;
