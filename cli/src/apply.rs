@@ -2,7 +2,7 @@
 
 use crate::args::ApplyArgs;
 use crate::input::{self, Input};
-use crate::output::{Failure, Output, With, check_ending};
+use crate::output::{Output, Result, With, check_ending, refuse};
 use crate::runner::Stage;
 use crate::verify::Checks;
 use deltamorph::import::is_gltf;
@@ -16,11 +16,10 @@ use serde_json::json;
 use std::io::Write;
 use std::path::Path;
 
-pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<()> {
     let ApplyArgs { run, output, .. } = args;
     if args.frame.is_none() && (run.weights.is_some() || args.set.is_empty()) {
-        let text = "nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT";
-        return Err(Failure::Usage(text.into()));
+        return refuse("nothing to apply; give --weights CSV --frame N, or --set NAME=WEIGHT");
     }
     input::check("apply", run, &[output], out)?;
     if output.extension().is_some() {
@@ -54,7 +53,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 }
 
 /// The weights of one or more frames to step through, with `--set` on top of each.
-fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
+fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>> {
     match (&args.run.weights, args.frame) {
         (Some(path), Some(last)) => {
             let all = input.clip(path, &args.set)?;
@@ -74,7 +73,7 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
 
 /// Writes the pose in the input's coordinates and vertex order, with normalised normals. OBJ texture coordinates go
 /// up; `down`: those of the mesh go down, and are flipped.
-fn write(path: &Path, mesh: &KeptMesh, down: bool, pose: &[f32]) -> Result<(), Failure> {
+fn write(path: &Path, mesh: &KeptMesh, down: bool, pose: &[f32]) -> Result<()> {
     let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
     let normals: Vec<Vec3> = vertices
         .clone()

@@ -25,7 +25,7 @@ const POSES: &str = "Updating poses";
 const PACKED: &str = "Packing deltas";
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
-#[derive(Debug, Parser)]
+#[derive(Parser, Debug)]
 #[command(name = "deltamorph", version, propagate_version = true, max_term_width = 100)]
 pub struct Cli {
     #[command(flatten)]
@@ -51,7 +51,7 @@ pub fn with_whole_settings(words: impl Iterator<Item = OsString>) -> Vec<OsStrin
 }
 
 /// Options of every command.
-#[derive(Args, Clone, Debug, Default)]
+#[derive(Args, Debug, Default)]
 #[command(next_help_heading = "Options of every command")]
 pub struct GlobalArgs {
     /// Vulkan device: its index in `deltamorph devices`, or part of its name
@@ -98,13 +98,13 @@ pub enum Command {
 
 /// All arguments of `view`.
 #[cfg(not(feature = "viewer"))]
-#[derive(Args, Clone, Debug)]
+#[derive(Args)]
 pub struct NoViewArgs {
     #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
     args: Vec<std::ffi::OsString>,
 }
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct SampleArgs {
     /// Folder to write; it is created if it does not exist, and must be empty
     #[arg(value_name = "DIR")]
@@ -122,7 +122,7 @@ pub struct SampleArgs {
     pub fps: f32,
 }
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
@@ -137,7 +137,7 @@ pub struct PackFileArgs {
     pub output: PathBuf,
 }
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct InfoArgs {
     #[command(flatten)]
     pub input: InputArgs,
@@ -160,7 +160,7 @@ pub struct RunArgs {
     pub batch_size: BatchSpec,
 }
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct PlayArgs {
     #[command(flatten)]
     pub run: RunArgs,
@@ -176,7 +176,7 @@ pub struct PlayArgs {
     pub noise: Option<f32>,
 }
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct SoakArgs {
     #[command(flatten)]
     pub run: RunArgs,
@@ -195,7 +195,7 @@ impl SoakArgs {
     }
 }
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct ApplyArgs {
     #[command(flatten)]
     pub run: RunArgs,
@@ -256,7 +256,7 @@ impl InputArgs {
 #[derive(Args, Clone, Debug, Default)]
 pub struct HeadArgs {
     /// Number of vertices [default: 43788]
-    #[arg(help_heading = HEAD, long, value_name = "N", value_parser = values::whole(1usize, 10_000_000))]
+    #[arg(help_heading = HEAD, long, value_name = "N", value_parser = values::whole(5usize, 10_000_000))]
     pub vertices: Option<usize>,
     /// Number of morph targets [default: 72]
     #[arg(help_heading = HEAD, long, value_name = "N", value_parser = values::whole(0, values::MAX_TARGETS))]

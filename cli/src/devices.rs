@@ -1,6 +1,6 @@
 //! `devices`: lists the devices, the update paths that each supports, and the relevant limits.
 
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, Result};
 use crate::table::{Table, bytes};
 use deltamorph::{DeltaFormat, DeviceCaps, UpdatePath, requirements};
 use deltamorph_headless::{DeviceChoice, Headless};
@@ -32,7 +32,7 @@ const LIMITS: [Limit; 7] = [
     ("allocation", "allocation", |caps| caps.max_allocation, |n| bytes(n as f64)),
 ];
 
-pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<()> {
     out.check(&[], &[], None)?;
     let all = Headless::devices()?;
     let chosen = all.iter().enumerate().filter(|(i, caps)| device.is_none_or(|choice| choice.matches(*i, caps)));

@@ -5,7 +5,7 @@ pub mod pose_formats;
 
 use crate::args::InfoArgs;
 use crate::input::{self, Input, MeshInfo};
-use crate::output::{Failure, Output};
+use crate::output::{Output, Result};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use deltamorph::mesh::KeptTarget;
 use deltamorph::{BoundClip, DeltaFormat, KeptMesh};
@@ -36,7 +36,7 @@ struct Info {
     clips: Vec<ClipRow>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Serialize)]
 struct TargetRow {
     name: String,
     /// Fraction of the vertices with a delta that was kept.
@@ -49,7 +49,7 @@ struct TargetRow {
     max_delta: f32,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Serialize)]
 struct Overlap {
     /// Fraction of the vertices that any target moves.
     union: f64,
@@ -59,7 +59,7 @@ struct Overlap {
     max: u32,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Serialize)]
 struct ClipRow {
     name: String,
     frames: usize,
@@ -74,7 +74,7 @@ struct ClipRow {
     still: f64,
 }
 
-pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &InfoArgs, out: &Output) -> Result<()> {
     out.check(&input::files_of(&args.input, &[]), &[], None)?;
     let input = input::load(&args.input, true, out)?;
     let sample = Sample::new(&input, None);

@@ -1,7 +1,7 @@
 //! Reads INPUT (a folder, a glTF file, a packed file, or the built-in head), and the weight clips of a command.
 
 use crate::args::{InputArgs, RunArgs};
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, Result, refuse};
 use deltamorph::import::{Imported, ImportedMesh, csv, gltf};
 use deltamorph::internals::diagonal;
 use deltamorph::internals::weights::names::{closest, meanings};
@@ -20,7 +20,7 @@ const HEAD_FRAMES: usize = 300;
 const PERCENT: f32 = 5.0;
 
 /// A mesh, before and after dropping deltas by the tolerance.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Input {
     pub args: InputArgs,
     pub name: String,
@@ -45,7 +45,7 @@ pub struct Input {
 }
 
 /// Facts about a mesh in reports. Fields may be added, never renamed.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 pub struct MeshInfo {
     pub name: String,
     /// A folder, a file, or "built-in head".
@@ -71,7 +71,7 @@ pub struct MeshInfo {
 
 impl Input {
     /// Adds wrinkle masks to the mesh, if it has none. A packed mesh is packed again, in its format.
-    pub fn add_masks(&mut self) -> Result<(), Failure> {
+    pub fn add_masks(&mut self) -> Result<()> {
         if self.kept.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
             return Ok(());
         }
@@ -108,15 +108,14 @@ impl Input {
 
 /// Reads the input that `args` name. Without `with_raw`, `raw` is `kept`, which saves memory in commands that do not
 /// compare with the raw files.
-pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Failure> {
+pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
     let begun = Instant::now();
     let (mesh, clips, looks_back) = match &args.input {
         None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![], false),
         Some(path) if path == Path::new("-") => {
-            let text = "-: only clips can be read from standard input (--weights -); name a folder or file";
-            return Err(Failure::Usage(text.into()));
+            return refuse("-: only clips can be read from standard input (--weights -); name a folder or file");
         }
         Some(path) => {
             let Imported { mesh, clips, looks_back, .. } = import::open(path)?;
@@ -143,11 +142,11 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
             let kept = Arc::new(packed.unpack()?);
             // Deltas dropped before packing are lost, and a packed mesh is used as it is.
             if ![Tolerance::default(), kept.tolerance].contains(&args.tolerance()) {
-                return Err(Failure::Usage(format!(
+                return refuse(format!(
                     "--tolerance {}: {origin} was packed with a tolerance of {}; leave it out, or give the folder that \
                      it was packed from",
                     args.tolerance, kept.tolerance.position
-                )));
+                ));
             }
             (kept.clone(), kept, Some(Arc::new(packed)))
         }
@@ -177,19 +176,19 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
 pub type Settings = [Vec<(String, f32)>];
 
 /// Checks that the clip at `path` has a frame of this number.
-pub fn check_frame(path: &Path, clip: &BoundClip, frame: usize) -> Result<(), Failure> {
+pub fn check_frame(path: &Path, clip: &BoundClip, frame: usize) -> Result<()> {
     let count = clip.frame_count();
     if frame < count {
         return Ok(());
     }
     let text = format!("has no frame {frame}; its {count} frames are counted from 0");
-    Err(Failure::Usage(format!("{}: {text}", path.display())))
+    refuse(format!("{}: {text}", path.display()))
 }
 
 impl Input {
     /// The clip that `path` names, as FILE#NAME if it is an animation of a glTF file, or in a packed file: the only one
     /// of such a file, or one of INPUT by its name.
-    fn named(&self, path: &Path) -> Result<PathBuf, Failure> {
+    fn named(&self, path: &Path) -> Result<PathBuf> {
         if path == Path::new("-") {
             return Ok("/dev/stdin".into());
         }
@@ -213,7 +212,7 @@ impl Input {
 
     /// Reads the weight clip at `given`, at least one frame, for the targets, with `settings` applied. If INPUT is a
     /// glTF file and there is no file at `given`, it may be the name of an animation.
-    pub fn clip(&self, given: &Path, settings: &Settings) -> Result<BoundClip, Failure> {
+    pub fn clip(&self, given: &Path, settings: &Settings) -> Result<BoundClip> {
         let path = &self.named(given)?;
         let clip = import::open_clip(path, self.args.fps).map_err(|error| self.misnamed(given, error))?;
         if clip.frame_count() == 0 {
@@ -231,11 +230,11 @@ impl Input {
     }
 
     /// The clip at `named`, or the only one of INPUT, with `settings` applied.
-    pub fn one_clip(&self, named: Option<&Path>, settings: &Settings) -> Result<BoundClip, Failure> {
+    pub fn one_clip(&self, named: Option<&Path>, settings: &Settings) -> Result<BoundClip> {
         if named.is_none() && self.clips.len() > 1 {
             let list = self.clip_names();
             let (origin, count) = (&self.origin, self.clips.len());
-            return Err(Failure::Usage(format!("{origin} has {count} clips; name one with --weights: {list}")));
+            return refuse(format!("{origin} has {count} clips; name one with --weights: {list}"));
         }
         self.clips(named, settings)?.pop().ok_or_else(|| {
             let what =
@@ -245,7 +244,7 @@ impl Input {
     }
 
     /// The clip at `named`, or all of INPUT, with `settings` applied.
-    pub fn clips(&self, named: Option<&Path>, settings: &Settings) -> Result<Vec<BoundClip>, Failure> {
+    pub fn clips(&self, named: Option<&Path>, settings: &Settings) -> Result<Vec<BoundClip>> {
         let InputArgs { input, head, seed, fps, .. } = &self.args;
         if named.is_none() && input.is_none() {
             // Without targets there are no clips.
@@ -272,7 +271,7 @@ impl Input {
     }
 
     /// Weights of the targets with only `settings`.
-    pub fn pose(&self, settings: &Settings) -> Result<Vec<f32>, Failure> {
+    pub fn pose(&self, settings: &Settings) -> Result<Vec<f32>> {
         let still = WeightClip { name: "--set".into(), fps: csv::DEFAULT_FPS, ..WeightClip::default() };
         let frames = self.bind(&still, &self.held(settings)?)?.frames().next();
         Ok(frames.unwrap_or_else(|| vec![0.0; self.kept.targets.len()]))
@@ -313,7 +312,7 @@ impl Input {
     }
 
     /// The targets that `settings` mean, by the rules for columns of clips, with their weights.
-    pub fn held(&self, settings: &Settings) -> Result<Vec<(usize, f32)>, Failure> {
+    pub fn held(&self, settings: &Settings) -> Result<Vec<(usize, f32)>> {
         let known = self.targets();
         let refuse = |name: &str, why: String| Failure::Usage(format!("--set {name}: {why}"));
         let twice = |name: &str| refuse(name, "set twice; leave out one of them".into());
@@ -342,7 +341,7 @@ pub fn spread(clips: &[BoundClip]) -> Vec<Vec<f32>> {
 }
 
 /// Checks the options of `command`, and that what it writes can be written, before it works.
-pub fn check(command: &str, run: &RunArgs, outputs: &[&Path], out: &Output) -> Result<(), Failure> {
+pub fn check(command: &str, run: &RunArgs, outputs: &[&Path], out: &Output) -> Result<()> {
     run.update.check_single(command).map_err(Failure::Usage)?;
     out.check(&files_of(&run.input, run.weights.as_slice()), outputs, None)
 }

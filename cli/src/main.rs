@@ -22,7 +22,7 @@ mod view;
 
 use args::{Cli, Command};
 use clap::Parser;
-use output::{Failure, Output};
+use output::{Failure, Output, Result};
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -61,7 +61,7 @@ fn clean_up_if_interrupted() {
     });
 }
 
-fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
+fn run(cli: &Cli, out: &Output) -> Result<()> {
     let device = cli.global.device.as_ref();
     match &cli.command {
         Command::Devices => devices::run(device, out),
@@ -76,10 +76,9 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         #[cfg(feature = "viewer")]
         Command::View(args) => view::run(args, device, out),
         #[cfg(not(feature = "viewer"))]
-        Command::View(_) => Err(Failure::Usage(
-            "view: this program was built without the window; build it with `cargo build --release --features viewer`"
-                .into(),
-        )),
+        Command::View(_) => output::refuse(
+            "view: this program was built without the window; build it with `cargo build --release --features viewer`",
+        ),
         Command::Lod(args) => lod::run(args, device, out),
     }
 }

@@ -31,6 +31,14 @@ impl Failure {
     }
 }
 
+/// `Result` with a [`Failure`].
+pub type Result<T, E = Failure> = std::result::Result<T, E>;
+
+/// Ends a command whose arguments contradict each other or the input.
+pub fn refuse<T>(why: impl Into<String>) -> Result<T> {
+    Err(Failure::Usage(why.into()))
+}
+
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Self::Usage(text) | Self::Failed(text)) = self;
@@ -46,7 +54,7 @@ impl From<deltamorph::Error> for Failure {
 }
 
 /// The output of a command.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct Output {
     quiet: bool,
     json: Option<PathBuf>,
@@ -92,7 +100,7 @@ impl Output {
     }
 
     /// Fails if writing to stdout has failed.
-    pub fn finish(&self) -> Result<(), Failure> {
+    pub fn finish(&self) -> Result<()> {
         self.lost.get().map_or(Ok(()), |message| Err(Failure::failed(message)))
     }
 
@@ -109,7 +117,7 @@ impl Output {
     }
 
     /// Writes the JSON, if `--json` was given.
-    pub fn json(&self, value: &impl Serialize) -> Result<(), Failure> {
+    pub fn json(&self, value: &impl Serialize) -> Result<()> {
         match self.json.as_deref() {
             None => {}
             Some(_) if self.json_to_stdout() => self.print(&to_json(value)?),
@@ -120,13 +128,13 @@ impl Output {
 
     /// Checks, before work begins, that every output (the JSON, `files`, and the contents of `folder`) can be written,
     /// and that none overwrites a file that is `read` or another output. Creates `folder`.
-    pub fn check(&self, read: &[PathBuf], files: &[&Path], folder: Option<&Path>) -> Result<(), Failure> {
+    pub fn check(&self, read: &[PathBuf], files: &[&Path], folder: Option<&Path>) -> Result<()> {
         let json = self.json.as_deref().filter(|_| !self.json_to_stdout());
         let outputs: Vec<(&Path, PathBuf)> = json.iter().chain(files).map(|path| (*path, place_of(path))).collect();
         let read: HashSet<PathBuf> = read.iter().filter_map(|path| path.canonicalize().ok()).collect();
         for (i, (path, place)) in outputs.iter().enumerate() {
             if *path == Path::new("-") {
-                return Err(Failure::Usage("-: only --json goes to stdout; name a file".into()));
+                return refuse("-: only --json goes to stdout; name a file");
             }
             if [Path::new("/dev/stdout"), Path::new("/dev/fd/1")].contains(path) {
                 let _ = self.taken.set(());
@@ -146,7 +154,7 @@ impl Output {
                 continue;
             };
             let text = format!("{}: {why}, and would be overwritten; name another file", path.display());
-            return Err(Failure::Usage(text));
+            return refuse(text);
         }
         folder.map_or(Ok(()), create_folder)
     }
@@ -171,7 +179,7 @@ pub struct With<T, U> {
     pub more: U,
 }
 
-pub fn to_json(value: &impl Serialize) -> Result<String, Failure> {
+pub fn to_json(value: &impl Serialize) -> Result<String> {
     let mut text = serde_json::to_string_pretty(value).map_err(Failure::failed)?;
     text.push('\n');
     Ok(text)
@@ -179,7 +187,7 @@ pub fn to_json(value: &impl Serialize) -> Result<String, Failure> {
 
 /// Refuses an output whose name says that it is something else than what is written: `what`, which ends in one of
 /// `endings`. Devices and pipes may have any name.
-pub fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<(), Failure> {
+pub fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<()> {
     // What cannot be written at all is refused elsewhere.
     if path == Path::new("-")
         || endings.iter().any(|ending| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending)))
@@ -188,7 +196,7 @@ pub fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<(), Fai
         return Ok(());
     }
     let names = endings.iter().map(|ending| format!("*.{ending}")).collect::<Vec<_>>().join(" or ");
-    Err(Failure::Usage(format!("-o {}: {what} is written; name it {names}", path.display())))
+    refuse(format!("-o {}: {what} is written; name it {names}", path.display()))
 }
 
 /// Canonical path of `path`, which need not exist.
@@ -200,17 +208,18 @@ fn place_of(path: &Path) -> PathBuf {
 }
 
 /// Checks that `path` can be written, without changing anything.
-fn can_write(path: &Path) -> Result<(), Failure> {
+fn can_write(path: &Path) -> Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let tried = match path.exists() {
-        true => std::fs::OpenOptions::new().append(true).open(path).map(drop),
-        false => tempfile::tempfile_in(folder).map(drop),
+    let tried = if path.exists() {
+        std::fs::OpenOptions::new().append(true).open(path).map(drop)
+    } else {
+        tempfile::tempfile_in(folder).map(drop)
     };
     tried.map_err(|e| Failure::io(path, "write", e))
 }
 
 /// Writes a file; errors name it. The old contents stay until the new ones are complete.
-pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure> {
+pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<()> {
     Ok(write_replacing(path, |out| out.write_all(contents.as_ref()))?)
 }
 
@@ -219,11 +228,7 @@ const PREPARED: &str = ".deltamorph-";
 
 /// Writes files into `folder` through `write`, which gets a temporary folder: old files stay until all new ones are
 /// complete. Then the old files that are `ours`, and were not replaced, are deleted.
-pub fn publish(
-    folder: &Path,
-    ours: impl Fn(&str) -> bool,
-    write: impl FnOnce(&Path) -> Result<(), Failure>,
-) -> Result<(), Failure> {
+pub fn publish(folder: &Path, ours: impl Fn(&str) -> bool, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     create_folder(folder)?;
     let failed = |e| Failure::io(folder, "write", e);
     let prepared = tempfile::Builder::new().prefix(PREPARED).tempdir_in(folder).map_err(failed)?;
@@ -240,25 +245,25 @@ pub fn publish(
 }
 
 /// The names in `folder`. Names that are not UTF-8 contain U+FFFD, which none of ours does.
-fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
+fn names_in(folder: &Path) -> Result<Vec<String>> {
     let io = |e| Failure::io(folder, "read the folder", e);
     let entries = std::fs::read_dir(folder).map_err(io)?.collect::<Result<Vec<_>, _>>().map_err(io)?;
     Ok(entries.iter().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect())
 }
 
 /// Ensures that `folder` exists, and is empty or `ours`; otherwise the error's text is `complaint`, with the remedy.
-pub fn claim(folder: &Path, complaint: &str, ours: impl FnOnce() -> bool) -> Result<(), Failure> {
+pub fn claim(folder: &Path, complaint: &str, ours: impl FnOnce() -> bool) -> Result<()> {
     create_folder(folder)?;
     // Ignores folders left by `publish`.
     if names_in(folder)?.iter().all(|name| name.starts_with(PREPARED)) || ours() {
         return Ok(());
     }
-    Err(Failure::Usage(format!("{}: the folder {complaint}", folder.display())))
+    refuse(format!("{}: the folder {complaint}", folder.display()))
 }
 
-pub fn create_folder(path: &Path) -> Result<(), Failure> {
+pub fn create_folder(path: &Path) -> Result<()> {
     if path.exists() && !path.is_dir() {
-        return Err(Failure::Usage(format!("{}: is not a folder; name another one", path.display())));
+        return refuse(format!("{}: is not a folder; name another one", path.display()));
     }
     std::fs::create_dir_all(path).map_err(|e| Failure::io(path, "create the folder", e))
 }

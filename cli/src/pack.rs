@@ -4,7 +4,7 @@ use crate::args::PackFileArgs;
 use crate::info::measure::Measured;
 use crate::info::pose_formats::{Sample, pose_table};
 use crate::input;
-use crate::output::{Failure, Output, With, check_ending};
+use crate::output::{Failure, Output, Result, With, check_ending};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::{DeltaFormat, PackDesc, PackedMesh, import};
 use glam::Vec3;
@@ -12,7 +12,7 @@ use serde_json::json;
 use std::sync::Arc;
 use std::time::Instant;
 
-pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &PackFileArgs, out: &Output) -> Result<()> {
     check_ending(&args.output, "a packed mesh", &["dmorph"])?;
     let format = Some(args.format.unwrap_or(DeltaFormat::Small)).filter(|f| f.is_blocks()).ok_or_else(|| {
         let names = DeltaFormat::BLOCKS.map(DeltaFormat::name).join(", ");

@@ -3,7 +3,7 @@
 use crate::args::{PlayArgs, distinct_or};
 use crate::bench::stats::Stats;
 use crate::input;
-use crate::output::{Failure, Output, With};
+use crate::output::{Failure, Output, Result, With};
 use crate::runner::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::Checks;
@@ -14,7 +14,7 @@ use serde::Serialize;
 use serde_json::json;
 
 /// Measurements of a frame, in JSON. Fields may be added, never renamed.
-#[derive(Debug, Serialize)]
+#[derive(Serialize)]
 struct FrameRow {
     frame: usize,
     /// Targets whose weight differs from the frame before; in the first frame, from 0.
@@ -37,7 +37,7 @@ struct FrameRow {
     max_error: Option<f64>,
 }
 
-pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<()> {
     let mut run = args.run.clone();
     input::check("play", &run, &[], out)?;
     if args.animated {
@@ -75,7 +75,7 @@ fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64
     })
 }
 
-fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output) -> Result<Vec<FrameRow>, Failure> {
+fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output) -> Result<Vec<FrameRow>> {
     let stage = checks.stage;
     let frames = || shaken(clip.frames(), args.noise, args.run.input.seed);
     let mut runner = if args.animated {

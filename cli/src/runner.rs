@@ -4,7 +4,7 @@
 use crate::args::values::{BatchSpec, expand_batches};
 use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, Result, refuse};
 use deltamorph::packed::PoseGrid;
 use deltamorph::{
     AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine, PackDesc, PackedLayout,
@@ -26,7 +26,7 @@ fn updates(gpu: &Gpu, args: &RunArgs) -> bool {
 }
 
 /// Opens the device chosen on the command line. `None`, with a warning, if there is none and none was chosen.
-pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
+pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>> {
     let desc = HeadlessDesc { device: choice.cloned().unwrap_or_default(), ..Default::default() };
     let gpu = if_any(Gpu::new(&desc), choice, out)?;
     if let Some(gpu) = &gpu {
@@ -40,14 +40,14 @@ pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, 
 }
 
 /// Opens the device that draws pictures.
-pub fn open_to_draw(choice: Option<&DeviceChoice>, out: &Output) -> Result<Gpu, Failure> {
+pub fn open_to_draw(choice: Option<&DeviceChoice>, out: &Output) -> Result<Gpu> {
     open(choice, out)?.ok_or_else(|| {
         Failure::Failed("drawing needs a Vulkan device, and there is none; on Linux ./with-vulkan installs one".into())
     })
 }
 
 /// `None`, with a warning, if there is no device and none was chosen; other errors are failures.
-fn if_any<T>(opened: deltamorph::Result<T>, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<T>, Failure> {
+fn if_any<T>(opened: deltamorph::Result<T>, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<T>> {
     match opened {
         Err(error @ Error::NoDevice { .. }) if choice.is_none() => {
             out.warn(error);
@@ -58,7 +58,7 @@ fn if_any<T>(opened: deltamorph::Result<T>, choice: Option<&DeviceChoice>, out: 
 }
 
 /// The device for `args`: none for the path `cpu`; optional if no path is named.
-fn open_for(args: &RunArgs, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
+fn open_for(args: &RunArgs, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>> {
     match args.update.paths.first() {
         Some(UpdatePath::Cpu) => Ok(None),
         Some(&path) => open(choice, out)?.map(Some).ok_or_else(|| no_device(path).into()),
@@ -79,7 +79,7 @@ pub fn packed(
     engine: Option<&MorphEngine>,
     format: DeltaFormat,
     args: &PackArgs,
-) -> Result<Arc<PackedMesh>, Failure> {
+) -> Result<Arc<PackedMesh>> {
     let Some(held) = input.packed.as_ref().filter(|mesh| mesh.layout().format == format) else {
         let desc = engine.map_or(PackDesc::new(format), |engine| engine.pack_desc(format));
         return Ok(Arc::new(PackedMesh::pack(&input.kept, &PackDesc { blocks: args.desc(), ..desc })?));
@@ -88,11 +88,11 @@ pub fn packed(
     if (PackArgs { weight_max: None, ..args.clone() }).desc() == BlockDesc::default() {
         return Ok(held.clone());
     }
-    Err(Failure::Usage(format!(
+    refuse(format!(
         "--block-size, --position-error and --normal-error apply to packing, but {} is packed already; leave them out, \
          or give the folder that it was packed from",
         input.origin
-    )))
+    ))
 }
 
 /// Instances updated by one path.
@@ -301,12 +301,12 @@ pub fn accumulate(desc: &UpdateDesc) -> &'static str {
 
 impl Stage {
     /// Sets up the path named, or else `blocks`, or `cpu` without a device.
-    pub fn new(args: &RunArgs, input: &Input, device: Option<&DeviceChoice>, out: &Output) -> Result<Self, Failure> {
+    pub fn new(args: &RunArgs, input: &Input, device: Option<&DeviceChoice>, out: &Output) -> Result<Self> {
         Self::on(open_for(args, device, out)?.map(Rc::new), args, input, out)
     }
 
     /// Like [`new`](Self::new), with a device that is already open. The path `cpu` does not use it.
-    pub fn on(gpu: Option<Rc<Gpu>>, args: &RunArgs, input: &Input, out: &Output) -> Result<Self, Failure> {
+    pub fn on(gpu: Option<Rc<Gpu>>, args: &RunArgs, input: &Input, out: &Output) -> Result<Self> {
         let gpu = gpu.filter(|gpu| updates(gpu, args));
         let (mesh, desc) = prepare(args, input, gpu.as_deref().map(Gpu::engine), out)?;
         let threads = args.update.threads.unwrap_or(0);
@@ -323,7 +323,7 @@ impl Stage {
     }
 
     /// An instance that plays `clip` from its beginning, planned on the device.
-    pub fn animated(&self, clip: WeightClip) -> Result<Runner<'_>, Failure> {
+    pub fn animated(&self, clip: WeightClip) -> Result<Runner<'_>> {
         let gpu = self.gpu.as_deref().filter(|_| self.desc.path == UpdatePath::Blocks);
         let gpu = gpu.ok_or_else(|| Failure::Usage("--animated needs a Vulkan device and the path blocks".into()))?;
         let parts = [(self.mesh.clone(), self.desc)];
@@ -359,7 +359,7 @@ pub fn prepare(
     input: &Input,
     engine: Option<&MorphEngine>,
     out: &Output,
-) -> Result<(Arc<PackedMesh>, UpdateDesc), Failure> {
+) -> Result<(Arc<PackedMesh>, UpdateDesc)> {
     let update = &args.update;
     let (named, pose) = (update.paths.first().copied(), update.poses.first().copied());
     let path = named.unwrap_or(if engine.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
@@ -420,7 +420,7 @@ fn batch_size(
     path: UpdatePath,
     engine: Option<&MorphEngine>,
     format: DeltaFormat,
-) -> Result<BatchSize, Failure> {
+) -> Result<BatchSize> {
     if let Some(engine) = engine {
         engine.caps().check_path(path)?;
     }

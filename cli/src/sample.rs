@@ -1,7 +1,7 @@
 //! `sample`: writes the built-in head as a folder that any morph-target tool can read.
 
 use crate::args::SampleArgs;
-use crate::output::{Failure, Output, claim, create_folder, publish};
+use crate::output::{Output, Result, claim, create_folder, publish};
 use crate::table::thousands;
 use deltamorph::Mesh;
 use deltamorph::import::csv;
@@ -11,7 +11,7 @@ use deltamorph_head as head;
 use glam::Vec3;
 use std::path::Path;
 
-pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &SampleArgs, out: &Output) -> Result<()> {
     out.check(&[], &[], Some(&args.dir))?;
     // Files of an earlier run would be read as targets of this one.
     claim(&args.dir, "is not empty; name a new one", || false)?;
@@ -48,7 +48,7 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
 
 /// Writes `targets/*.obj` and `neutral.obj`, calling `step` after each file. Every position and normal is read back
 /// exactly.
-fn write_folder(source: &Mesh, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
+fn write_folder(source: &Mesh, dir: &Path, mut step: impl FnMut()) -> Result<()> {
     let targets = dir.join("targets");
     create_folder(&targets)?;
     let base_normals = source.normals.as_deref().unwrap_or_default();

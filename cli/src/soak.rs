@@ -2,7 +2,7 @@
 
 use crate::args::SoakArgs;
 use crate::input;
-use crate::output::{Failure, Output, With};
+use crate::output::{Failure, Output, Result, With};
 use crate::runner::{Runner, Stage, fnv};
 use crate::table::{sig3, thousands};
 use crate::verify::{Checks, REMEDY};
@@ -12,7 +12,7 @@ use deltamorph_headless::{DeviceChoice, Draws};
 use serde_json::json;
 use std::time::Instant;
 
-pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<()> {
     let run = &args.run;
     input::check("soak", run, &[], out)?;
     let input = input::load(&run.input, false, out)?;
@@ -60,7 +60,7 @@ struct Sums {
     hash: u64,
 }
 
-fn soak(args: &SoakArgs, clips: &[BoundClip], checks: &mut Checks<'_>, out: &Output) -> Result<Option<Sums>, Failure> {
+fn soak(args: &SoakArgs, clips: &[BoundClip], checks: &mut Checks<'_>, out: &Output) -> Result<Option<Sums>> {
     let stage = checks.stage;
     let grid = checks.promise.grid;
     let most = grid.map_or(f32::INFINITY, |grid| grid.weight_max);
@@ -85,7 +85,7 @@ fn soak(args: &SoakArgs, clips: &[BoundClip], checks: &mut Checks<'_>, out: &Out
 
 impl Sums {
     /// Compares integers, and poses of all groups, with those of an instance that never had other weights.
-    fn against_fresh(&mut self, runner: &mut Runner<'_>, stage: &Stage, weights: &[f32]) -> Result<(), Failure> {
+    fn against_fresh(&mut self, runner: &mut Runner<'_>, stage: &Stage, weights: &[f32]) -> Result<()> {
         if stage.desc.error_budget > 0.0 {
             // An update without changes applies deferred changes.
             runner.step(&[weights], Draws::default())?;

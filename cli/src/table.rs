@@ -41,7 +41,6 @@ pub fn fit_terminal() {
 }
 
 /// A table with columns as wide as their widest cell.
-#[derive(Debug)]
 pub struct Table {
     pub headings: Vec<String>,
     pub rows: Vec<Vec<String>>,

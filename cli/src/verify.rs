@@ -1,6 +1,6 @@
 //! Bounds on errors of an update path, and checks of poses against them: common to `apply`, `bench`, `play` and `soak`.
 
-use crate::output::{Failure, Output, With};
+use crate::output::{Failure, Output, Result, With};
 use crate::runner::{Frame, Runner, Stage};
 use crate::table::{sig3, thousands};
 use deltamorph::packed::PoseGrid;
@@ -31,7 +31,7 @@ const ROUNDED_TERMS: f64 = 2.5;
 pub const FAR_OFF: f64 = 1e-3;
 
 /// Results of a verification.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Default)]
 pub struct Found {
     /// Against the reference on the packed deltas.
     pub error: PoseError,
@@ -68,7 +68,7 @@ fn worse(a: f64, b: f64) -> f64 {
 /// How far vertices are from where the source has them at the requested weights, and what leads there step by step: the
 /// parts add up to the whole or more, and are NaN (in JSON null) where they are not measured. In JSON; fields may be
 /// added, never renamed.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Serialize)]
 pub struct Errors {
     /// The largest distance, in input units, and as a fraction of the diagonal.
     pub max_error: f64,
@@ -128,7 +128,7 @@ pub fn float_rounding(desc: &UpdateDesc, mesh: &Arc<PackedMesh>) -> deltamorph::
 }
 
 /// The error bounds of a path on a mesh.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Promise {
     /// Poses carry a bound on accumulated errors.
     tracked: bool,
@@ -204,9 +204,10 @@ impl Promise {
     /// The position error allowed. A tracked bound is subtracted from the budget before changes are deferred; otherwise
     /// the budget is added.
     pub fn allowed(&self, found: &Found) -> f64 {
-        match self.tracked {
-            true => found.bound.max(self.budget),
-            false => POSITION_BOUND * self.scale + self.beyond(found) + self.budget + found.bound,
+        if self.tracked {
+            found.bound.max(self.budget)
+        } else {
+            POSITION_BOUND * self.scale + self.beyond(found) + self.budget + found.bound
         }
     }
 
@@ -301,7 +302,7 @@ impl<'a> Checks<'a> {
         runner: &mut Runner<'_>,
         weights: &[f32],
         due: bool,
-    ) -> Result<(Frame, Option<f64>), Failure> {
+    ) -> Result<(Frame, Option<f64>)> {
         let failed = |e| Failure::Failed(format!("frame {frame}: {}", Failure::from(e)));
         let step = runner.step(&[weights], Draws::default()).map_err(failed)?;
         self.found.bound = self.found.bound.max(step.stats.bound.into());
@@ -391,7 +392,7 @@ impl<'a> Checks<'a> {
     }
 
     /// A failure if any frame was out of bounds; a warning if another pose format would be more accurate.
-    pub fn verdict(&self, out: &Output) -> Result<(), Failure> {
+    pub fn verdict(&self, out: &Output) -> Result<()> {
         let UpdateDesc { pose, error_budget, .. } = self.stage.desc;
         let off = self.most[2].max(self.found.error.position) / self.promise.scale;
         // Deferred changes are counted, too.

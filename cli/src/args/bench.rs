@@ -23,7 +23,7 @@ pub enum SuiteChoice {
     All,
 }
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct BenchArgs {
     #[command(flatten)]
     pub input: InputArgs,

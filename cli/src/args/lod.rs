@@ -4,7 +4,7 @@ use super::{InputArgs, values};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct LodArgs {
     #[command(flatten)]
     pub input: InputArgs,

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use deltamorph_render::Show;
 use std::path::PathBuf;
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct RenderArgs {
     #[command(flatten)]
     pub run: RunArgs,

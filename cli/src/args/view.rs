@@ -5,7 +5,7 @@ use super::{RunArgs, values};
 use clap::Args;
 use std::path::PathBuf;
 
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Debug)]
 pub struct ViewArgs {
     #[command(flatten)]
     pub run: RunArgs,

@@ -9,7 +9,7 @@ use deltamorph::{BatchSize, DeltaFormat, PoseFormat, UpdateDesc, UpdateMode, Upd
 use std::fmt;
 
 /// An update description and a delta format.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Config {
     /// Path, batch size, mode, slots.
     pub desc: UpdateDesc,

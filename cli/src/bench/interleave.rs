@@ -6,7 +6,7 @@ use super::record::{RunRecord, Skipped};
 use super::subject::Subject;
 use super::trial::Trial;
 use super::workload::{Setting, Workload};
-use crate::output::Failure;
+use crate::output::Result;
 use crate::progress::Progress;
 use crate::runner::{Runner, reaching};
 use deltamorph::{Error, PackedMesh, Repeat, UpdatePath};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// The time and the number of rounds of a configuration.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Schedule {
     /// Frames of each configuration.
     pub frames: usize,
@@ -104,7 +104,7 @@ pub fn interleave(
     setting: &Setting<'_>,
     schedule: &Schedule,
     bar: &Progress,
-) -> Result<Vec<Outcome>, Failure> {
+) -> Result<Vec<Outcome>> {
     let mut running: Vec<Running<'_>> = vec![];
     for config in configs {
         let trial = begin(machine, subject, config, setting, &running)?;
@@ -138,7 +138,7 @@ fn begin<'a>(
     config: &'a Config,
     setting: &'a Setting<'_>,
     running: &[Running<'a>],
-) -> Result<Running<'a>, Failure> {
+) -> Result<Running<'a>> {
     let meshes = subject.meshes(machine, config.format)?;
     // The path `cpu` needs a device only to draw.
     let gpu = machine.gpu.as_ref().filter(|_| setting.passes > 0 || config.desc.path != UpdatePath::Cpu);

@@ -3,7 +3,7 @@
 use super::record::{Bandwidth, DeviceInfo, Report};
 use crate::args::bench::BenchArgs;
 use crate::input::Input;
-use crate::output::{Failure, Output};
+use crate::output::{Output, Result};
 use crate::runner::{self, Gpu};
 use deltamorph::DeltaFormat;
 use deltamorph_headless::DeviceChoice;
@@ -22,12 +22,7 @@ pub struct Machine<'a> {
 impl<'a> Machine<'a> {
     /// Opens the device, and measures bandwidth over as many bytes as the deltas of `input` have, so that caches help
     /// it as much as a configuration.
-    pub fn open(
-        args: &'a BenchArgs,
-        device: Option<&DeviceChoice>,
-        input: &Input,
-        out: &Output,
-    ) -> Result<Self, Failure> {
+    pub fn open(args: &'a BenchArgs, device: Option<&DeviceChoice>, input: &Input, out: &Output) -> Result<Self> {
         let gpu = runner::open(device, out)?;
         if gpu.is_none() {
             out.warn("continuing with the path 'cpu'");

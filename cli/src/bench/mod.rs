@@ -17,25 +17,23 @@ mod workload;
 
 use crate::args::bench::BenchArgs;
 use crate::input;
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, Result};
 use deltamorph_headless::DeviceChoice;
 use record::Report;
 
-pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<()> {
     // Checked before minutes are spent on results that could not be written.
     let folder = args.folder();
     out.check(&input::files_of(&args.input, &args.weights), &[], folder)?;
     folder.map_or(Ok(()), report::claim)?;
-    let mut report = match args.suites.is_empty() {
-        true => sweep::run(args, device, out)?,
-        false => suites::run(args, device, out)?,
-    };
+    let mut report =
+        if args.suites.is_empty() { sweep::run(args, device, out)? } else { suites::run(args, device, out)? };
     report.findings = sentences::sentences(&report);
     finish(&report, args, out)
 }
 
 /// Prints the result, and writes the JSON and the report folder.
-fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
+fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<()> {
     for skipped in &report.skipped {
         out.warn(format_args!("{}: {}", skipped.what, skipped.reason));
     }
@@ -60,7 +58,7 @@ fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure
 }
 
 /// A failure if runs were wrong, if there were none, or if a clip or a path that was requested by name could not run.
-fn verdict(report: &Report) -> Result<(), Failure> {
+fn verdict(report: &Report) -> Result<()> {
     let (runs, skipped) = (&report.runs, &report.skipped);
     let wrong = || runs.iter().filter(|r| !r.verified);
     Err(Failure::Failed(if let Some(first) = wrong().next() {

@@ -11,7 +11,7 @@ pub const ROUNDS: usize = 10;
 pub const UNEVEN: f64 = 1.5;
 
 /// The results of one call of `bench`.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 pub struct Report {
     pub schema: u32,
     pub version: String,
@@ -40,7 +40,7 @@ pub struct Report {
     pub findings: Vec<String>,
 }
 
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 pub struct DeviceInfo {
     /// The Vulkan device's name; "none" when only the cpu path ran.
     pub name: String,
@@ -57,7 +57,7 @@ pub struct DeviceInfo {
 }
 
 /// Measured memory bandwidth, in 10⁹ bytes per second, reads and writes counted.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Default, Serialize)]
 pub struct Bandwidth {
     pub cpu_read_gb_s: Option<f64>,
     pub cpu_copy_gb_s: Option<f64>,
@@ -67,7 +67,7 @@ pub struct Bandwidth {
 }
 
 /// A requested configuration that could not run.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, PartialEq, Serialize)]
 pub struct Skipped {
     /// The update path, with its options.
     pub what: String,
@@ -82,7 +82,7 @@ impl Skipped {
 }
 
 /// A ready-made comparison.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 pub struct SuiteRecord {
     /// "crowd", "techniques", "faces" or "clips".
     pub name: &'static str,
@@ -91,7 +91,7 @@ pub struct SuiteRecord {
 }
 
 /// One configuration and its measurements.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 pub struct RunRecord {
     /// Its suite; empty in an ordinary run.
     #[serde(skip_serializing_if = "str::is_empty")]

@@ -1,12 +1,12 @@
 //! The report folder: report.json, runs.csv and index.html.
 
 use super::record::{Report, RunRecord};
-use crate::output::{self, Failure, publish, write_file};
+use crate::output::{self, Failure, Result, publish, write_file};
 use serde_json::Value;
 use std::path::Path;
 
 /// Writes everything into `dir`; replaces the files of an earlier run once all are complete.
-pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
+pub fn write(report: &Report, dir: &Path) -> Result<()> {
     publish(
         dir,
         |_| false,
@@ -25,7 +25,7 @@ pub fn page(json: &str) -> String {
 }
 
 /// Ensures that `dir` may be written: it is new, empty, or has an earlier report.
-pub fn claim(dir: &Path) -> Result<(), Failure> {
+pub fn claim(dir: &Path) -> Result<()> {
     let complaint = "contains files that are not a report; choose another folder with --report";
     output::claim(dir, complaint, || {
         let text = std::fs::read_to_string(dir.join("report.json")).unwrap_or_default();
@@ -43,7 +43,7 @@ const COLUMNS: &str = "suite cell technique mesh targets path mode format accumu
     upload_ms_median upload_ms_mean upload_ms_stderr upload_ms_min upload_ms_max upload_ms_n \
     max_error max_error_rel normal_error_deg verified problem rounds_ratio pose";
 
-fn csv(runs: &[RunRecord]) -> Result<Vec<u8>, Failure> {
+fn csv(runs: &[RunRecord]) -> Result<Vec<u8>> {
     let mut out = csv::Writer::from_writer(Vec::new());
     out.write_record(COLUMNS.split(' ')).map_err(Failure::failed)?;
     for run in runs {

@@ -9,7 +9,7 @@ use super::tables;
 use super::workload::Setting;
 use crate::args::bench::BenchArgs;
 use crate::input::Input;
-use crate::output::{Failure, Output};
+use crate::output::{Output, Result};
 use crate::table::sig3;
 use deltamorph_headless::DeviceChoice;
 use std::time::Duration;
@@ -35,7 +35,7 @@ impl<'a> Session<'a> {
         input: &Input,
         seconds: f32,
         out: &'a Output,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let machine = Machine::open(args, device, input, out)?;
         let (report, limit) = (machine.report(input), args.time_limit(seconds));
         Ok(Self { args, machine, out, planned: 0, begun: 0, limit, report })
@@ -82,7 +82,7 @@ impl<'a> Session<'a> {
         subject: &mut Subject,
         configs: &[Config],
         setting: &Setting<'_>,
-    ) -> Result<Option<Config>, Failure> {
+    ) -> Result<Option<Config>> {
         if let [only] = configs {
             return Ok(Some(only.clone()));
         }
@@ -110,7 +110,7 @@ impl<'a> Session<'a> {
         cell: &str,
         configs: &[Config],
         setting: &Setting<'_>,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         self.begun += 1;
         self.planned = self.planned.max(self.begun);
         let (count, frames) = (configs.len(), self.args.frames);
@@ -136,7 +136,7 @@ impl<'a> Session<'a> {
         configs: &[Config],
         setting: &Setting<'_>,
         schedule: &Schedule,
-    ) -> Result<Vec<Outcome>, Failure> {
+    ) -> Result<Vec<Outcome>> {
         let bar = self.out.bar((configs.len() + schedule.rounds) as u64);
         bar.set_message(what.to_owned());
         let outcomes = interleave(&self.machine, subject, configs, setting, schedule, &bar)?;

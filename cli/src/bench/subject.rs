@@ -2,7 +2,7 @@
 
 use super::machine::Machine;
 use crate::input::{Input, MeshInfo};
-use crate::output::Failure;
+use crate::output::Result;
 use crate::runner::{Gpu, packed};
 use deltamorph::reference::evaluate;
 use deltamorph::{DeltaFormat, PackedMesh};
@@ -52,7 +52,7 @@ impl Subject {
     }
 
     /// The meshes in `format`.
-    pub fn meshes(&mut self, machine: &Machine<'_>, format: DeltaFormat) -> Result<Vec<Arc<PackedMesh>>, Failure> {
+    pub fn meshes(&mut self, machine: &Machine<'_>, format: DeltaFormat) -> Result<Vec<Arc<PackedMesh>>> {
         let engine = machine.gpu.as_ref().map(Gpu::engine);
         let mesh = |part: &mut Part| match part.meshes.entry(format) {
             Entry::Occupied(known) => Ok(known.get().clone()),

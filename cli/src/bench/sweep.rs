@@ -9,7 +9,7 @@ use crate::args::distinct_or;
 use crate::args::values::BatchSpec::{self, All, Max, Range, Size};
 use crate::args::values::expand_changed;
 use crate::input::{self, Input};
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, Result};
 use deltamorph::{BoundClip, PoseFormat, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 
@@ -27,7 +27,7 @@ const SECONDS: f32 = 0.4;
 /// Default pose formats: the first, with `--full` both.
 const POSES: [PoseFormat; 2] = [PoseFormat::Float32, PoseFormat::Fixed32];
 
-pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
+pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report> {
     let input = input::load(&args.input, false, out)?;
     let targets = input.kept.targets.len();
     let main = [Some(FEW.min(targets)), None];
@@ -78,7 +78,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 }
 
 /// The clips given with `--weights`; without any, `--full` takes those of the input.
-fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
+fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>> {
     let of_input = if args.full { &input.clips[..] } else { &[] };
     let paths = if args.weights.is_empty() { of_input } else { &args.weights };
     let mut clips: Vec<BoundClip> = vec![];

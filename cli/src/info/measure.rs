@@ -2,7 +2,7 @@
 
 use super::pose_formats::{PoseCost, Sample, pose_costs};
 use crate::input::Input;
-use crate::output::{Failure, Output};
+use crate::output::{Output, Result};
 use crate::verify::scale;
 use deltamorph::{DeltaFormat, KeptMesh, PackDesc, PackedMesh};
 use serde::Serialize;
@@ -64,12 +64,7 @@ impl Measured {
 /// Packs the mesh of `input` in each of `formats`, one after the other. The mesh of a packed file is used as it is for
 /// its own format, with the error measured when it was packed. The other formats pack the deltas of the file, and their
 /// errors are relative to those.
-pub fn measure_all(
-    formats: &[DeltaFormat],
-    input: &Input,
-    sample: &Sample<'_>,
-    out: &Output,
-) -> Result<Vec<Measured>, Failure> {
+pub fn measure_all(formats: &[DeltaFormat], input: &Input, sample: &Sample<'_>, out: &Output) -> Result<Vec<Measured>> {
     let bar = out.bar(formats.len() as u64);
     let one = |format: &DeltaFormat| {
         bar.set_message(format!("packing and measuring {}", format.name()));

@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::sync::Arc;
 
 /// A pose format on a packed mesh, in the JSON of `info` and `pack`. Fields may be added, never renamed.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Serialize)]
 pub struct PoseCost {
     pub name: &'static str,
     /// Bytes of a vertex in each pose buffer.
@@ -29,7 +29,7 @@ pub struct PoseCost {
 }
 
 /// The grid of weights and poses, at the largest weight that `apply` and `play` take by default.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Serialize)]
 pub struct Grid {
     /// Weights are whole multiples of 2^-bits.
     pub weight_bits: u32,

@@ -5,7 +5,7 @@ use super::geometry::{Loss, hausdorff, tree};
 use super::shots::Shots;
 use crate::args::lod::Metric;
 use crate::input::Input;
-use crate::output::Failure;
+use crate::output::Result;
 use crate::verify::scale;
 use deltamorph::BoundClip;
 use deltamorph::lod::mean_square;
@@ -45,7 +45,7 @@ impl<'a> Gauge<'a> {
     }
 
     /// A number for each target.
-    pub fn scores(&mut self, metric: Metric) -> Result<Vec<f64>, Failure> {
+    pub fn scores(&mut self, metric: Metric) -> Result<Vec<f64>> {
         let mesh = &self.input.kept;
         if let Some(shots) = self.shots.as_mut().filter(|_| metric.is_of_pictures()) {
             return shots.scores(metric, mesh.targets.len());
@@ -58,7 +58,7 @@ impl<'a> Gauge<'a> {
     }
 
     /// The errors along an order of the targets.
-    pub fn curve(&mut self, metric: Metric, order: &[usize]) -> Result<Vec<Point>, Failure> {
+    pub fn curve(&mut self, metric: Metric, order: &[usize]) -> Result<Vec<Point>> {
         let scale = scale(self.input.kept.diagonal);
         let mut counts: Vec<usize> = (1..=4).map(|quarter| (order.len() * quarter).div_ceil(4)).collect();
         counts.dedup();

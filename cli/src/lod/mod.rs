@@ -10,7 +10,7 @@ mod yee;
 use crate::args::lod::{LodArgs, Metric};
 use crate::args::values::name;
 use crate::input;
-use crate::output::{Failure, Output};
+use crate::output::{Output, Result, refuse};
 use crate::runner::open_to_draw;
 use deltamorph::BoundClip;
 use deltamorph::internals::weights::names::closest;
@@ -57,7 +57,7 @@ struct Point {
     vertex_rel: f64,
 }
 
-pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<()> {
     out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, false, out)?;
     let names = input.targets();
@@ -65,7 +65,7 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
         let near = closest(pin, &names).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
         let text =
             format!("--pin {pin}: no target of '{}' begins with it{near}; `deltamorph info` lists them", input.name);
-        return Err(Failure::Usage(text));
+        return refuse(text);
     }
     let clips = input.clips(args.weights.as_deref(), &[])?;
     let metrics = args.metric.each();
@@ -74,7 +74,7 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
     let shots = gpu.as_ref().map(|gpu| Shots::new(gpu, &input, &clips));
     let pinned: Vec<bool> = names.iter().map(|name| is_pinned(name, &args.pin)).collect();
     let mut gauge = Gauge::new(&input, &clips, shots.transpose()?, args.random, args.input.seed, &pinned);
-    let of_metric = |metric: &Metric| -> Result<Lod, Failure> {
+    let of_metric = |metric: &Metric| -> Result<Lod> {
         let scores = gauge.scores(*metric)?;
         let order = ranked(&scores, &pinned);
         let place = |&t: &usize| Ranked { name: names[t].into(), score: scores[t], pinned: pinned[t] };

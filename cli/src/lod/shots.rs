@@ -4,7 +4,7 @@ use super::picture::{mean_square, ssim};
 use super::yee::yee;
 use crate::args::lod::Metric;
 use crate::input::{self, Input};
-use crate::output::Failure;
+use crate::output::{Failure, Result};
 use crate::render::subject::Subject;
 use crate::runner::Gpu;
 use deltamorph::{BatchSize, BoundClip, DeltaFormat, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
@@ -27,7 +27,7 @@ pub struct Shots<'a> {
 
 impl<'a> Shots<'a> {
     /// Frames are spread evenly over `clips`.
-    pub fn new(gpu: &'a Gpu, input: &Input, clips: &[BoundClip]) -> Result<Self, Failure> {
+    pub fn new(gpu: &'a Gpu, input: &Input, clips: &[BoundClip]) -> Result<Self> {
         let mesh = &input.kept;
         let subject = Subject::of_mesh(input);
         // Poses that do not depend on earlier ones. Rounding deltas moves vertices by much less than a pixel.
@@ -48,13 +48,13 @@ impl<'a> Shots<'a> {
     }
 
     /// Draws each pose.
-    fn take(&mut self, poses: &[Vec<f32>]) -> Result<Vec<Picture>, Failure> {
+    fn take(&mut self, poses: &[Vec<f32>]) -> Result<Vec<Picture>> {
         let mut draw = |weights| self.studio.draw(&[weights], &[Mat4::IDENTITY], &self.scene, BACKGROUND);
         Ok(poses.iter().map(&mut draw).collect::<Result<_, _>>()?)
     }
 
     /// The difference that each target makes by itself, at weight 1, from the base pose.
-    pub fn scores(&mut self, metric: Metric, targets: usize) -> Result<Vec<f64>, Failure> {
+    pub fn scores(&mut self, metric: Metric, targets: usize) -> Result<Vec<f64>> {
         let mut poses = vec![vec![0.0; targets]; targets + 1];
         (0..targets).for_each(|t| poses[t][t] = 1.0);
         let mut pictures = self.take(&poses)?;
@@ -64,7 +64,7 @@ impl<'a> Shots<'a> {
 
     /// Mean difference between frames with only the `kept` targets and complete ones. With `only`, of the frame of this
     /// number, counted on from the first one.
-    pub fn loss(&mut self, metric: Metric, kept: &[bool], only: Option<usize>) -> Result<f64, Failure> {
+    pub fn loss(&mut self, metric: Metric, kept: &[bool], only: Option<usize>) -> Result<f64> {
         let all = self.frames.len();
         let frames = only.filter(|_| all > 0).map_or(0..all, |frame| frame % all..frame % all + 1);
         let count = frames.len().max(1) as f64;

@@ -1,7 +1,7 @@
 //! Pixels, and PNG files of them.
 
 use crate::args::render::Background;
-use crate::output::{Failure, write_file};
+use crate::output::{Failure, Result, write_file};
 use deltamorph_render::Picture;
 use deltamorph_render::srgb::{decoded, encoded};
 use std::path::Path;
@@ -25,7 +25,7 @@ pub fn straight(mut picture: Picture) -> Picture {
 }
 
 /// Writes a picture as PNG.
-pub fn save(picture: Picture, path: &Path) -> Result<(), Failure> {
+pub fn save(picture: Picture, path: &Path) -> Result<()> {
     let mut file = vec![];
     let mut encoder = encoder(&mut file, picture.size);
     encoder.set_compression(png::Compression::Default);

@@ -3,7 +3,7 @@
 use super::Pose;
 use super::canvas::{encoder, save, straight};
 use super::easel::Easel;
-use crate::output::{Failure, Output, publish, write_file};
+use crate::output::{Failure, Output, Result, publish, write_file};
 use std::path::Path;
 
 /// Whether a clip is written as one file, an animated PNG, rather than into a folder.
@@ -18,7 +18,7 @@ pub fn draw(
     (size, fps): ([u32; 2], f32),
     output: &Path,
     out: &Output,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let bar = out.bar(frames.len() as u64);
     let pictures = frames.iter().map(|[now, _]| {
         bar.inc(1);

@@ -3,7 +3,7 @@
 use super::subject::Subject;
 use crate::args::render::{Normals, RenderArgs};
 use crate::input::Input;
-use crate::output::Failure;
+use crate::output::Result;
 use crate::runner::{Gpu, Stage};
 use deltamorph_render::{HeadsDesc, Light, Picture, Scene, Studio};
 use glam::{Mat4, Vec3};
@@ -31,7 +31,7 @@ impl<'a> Easel<'a> {
         size: [u32; 2],
         places: Vec<Mat4>,
         end: f32,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let mesh = &input.kept;
         let desc = HeadsDesc {
             count: places.len() as u32,
@@ -53,7 +53,7 @@ impl<'a> Easel<'a> {
     }
 
     /// Draws the instances with these weights.
-    pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Picture, Failure> {
+    pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Picture> {
         Ok(self.studio.draw(weights, &self.places, &self.scene, self.background)?)
     }
 }

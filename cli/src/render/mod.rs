@@ -10,7 +10,7 @@ pub mod subject;
 
 use crate::args::render::RenderArgs;
 use crate::input::{self, Input};
-use crate::output::{Failure, Output, With, check_ending};
+use crate::output::{Failure, Output, Result, With, check_ending, refuse};
 use crate::runner::{Stage, open_to_draw};
 use crate::verify;
 use canvas::save;
@@ -30,16 +30,16 @@ const SINGLE: [u32; 2] = [768; 2];
 const CROWD: [u32; 2] = [1280, 720];
 const CLIP: [u32; 2] = [512; 2];
 
-pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<()> {
     args.run.update.check_single("render").map_err(Failure::Usage)?;
     let one_pose = args.clip.is_none() && args.crowd.is_none();
     if one_pose && args.run.weights.is_some() && args.frame.is_none() {
-        return Err(Failure::Usage("--weights: which frame? give --frame N, or --clip OUT for all of them".into()));
+        return refuse("--weights: which frame? give --frame N, or --clip OUT for all of them");
     }
     if let Some(path) = args.run.update.paths.iter().find(|path| path.evaluates_in_draws()) {
         let text =
             format!("--path {}: evaluates poses in its own draws, and has none to draw; use blocks", path.name());
-        return Err(Failure::Usage(text));
+        return refuse(text);
     }
     // clap ensures that one of the two is given.
     let output = args.output.as_deref().or(args.clip.as_deref()).unwrap_or(Path::new(""));
@@ -111,7 +111,7 @@ type Pose = [Vec<f32>; 2];
 /// The poses to draw, and the frames per second of their clip: one, a frame or settings alone; those of a crowd, spread
 /// over the clip; or all of the clip. Before the first frame and settings alone is the base pose, but for crowds and
 /// clips, in which nothing moves first.
-fn poses(args: &RenderArgs, input: &Input) -> Result<(Vec<Pose>, f32), Failure> {
+fn poses(args: &RenderArgs, input: &Input) -> Result<(Vec<Pose>, f32)> {
     if args.clip.is_none() && args.crowd.is_none() {
         let rest = vec![0.0; input.kept.targets.len()];
         let (Some(path), Some(frame)) = (&args.run.weights, args.frame) else {
@@ -130,13 +130,13 @@ fn poses(args: &RenderArgs, input: &Input) -> Result<(Vec<Pose>, f32), Failure> 
 }
 
 /// The end of the scale of colours that stand for lengths, in input units: by default, the largest in these poses.
-fn end_of_scale(args: &RenderArgs, mesh: &KeptMesh, poses: &[Pose]) -> Result<Option<f32>, Failure> {
+fn end_of_scale(args: &RenderArgs, mesh: &KeptMesh, poses: &[Pose]) -> Result<Option<f32>> {
     let moves = args.look() == Show::Motion;
     if !moves && args.look() != Show::Heat {
         return match args.scale {
-            Some(_) => Err(Failure::Usage(
-                "--scale is the upper end of the colour scale of --show heat or motion; give one of these".into(),
-            )),
+            Some(_) => {
+                refuse("--scale is the upper end of the colour scale of --show heat or motion; give one of these")
+            }
             None => Ok(None),
         };
     }

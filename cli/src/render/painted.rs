@@ -1,6 +1,6 @@
 //! What a glTF file says of surfaces: base colours of faces, and the parts that nothing moves.
 
-use crate::output::Failure;
+use crate::output::Result;
 use deltamorph::import::gltf::{self, Drawn, DrawnPart};
 use deltamorph::{KeptMesh, Tolerance};
 use deltamorph_render::{Face, Material, Part, Surface, parts};
@@ -20,7 +20,7 @@ pub struct Still {
 }
 
 /// The parts of `mesh`, which was read from the glTF file at `path`, and those beside it, with joints at rest.
-pub fn of_file(path: &Path, mesh: &KeptMesh) -> Result<Painted, Failure> {
+pub fn of_file(path: &Path, mesh: &KeptMesh) -> Result<Painted> {
     let mut read = gltf::read(path)?;
     let materials = std::mem::take(&mut read.materials);
     let gltf::Scene { mesh: drawn, still } = read.into_scene()?;
@@ -28,9 +28,12 @@ pub fn of_file(path: &Path, mesh: &KeptMesh) -> Result<Painted, Failure> {
     let is_named = drawn.parts.len() + still.as_ref().map_or(0, |still| still.parts.len()) > 1;
     let of = |drawn: &Drawn, mesh: &KeptMesh| {
         let material = |part: &DrawnPart| part.material.and_then(|number| materials.get(number));
-        let name = |part: &DrawnPart| match is_named {
-            true => format!("{} {}", part.name, material(part).map_or("", |material| &material.name)),
-            false => String::new(),
+        let name = |part: &DrawnPart| {
+            if is_named {
+                format!("{} {}", part.name, material(part).map_or("", |material| &material.name))
+            } else {
+                String::new()
+            }
         };
         let names: Vec<String> = drawn.parts.iter().map(name).collect();
         let mut said = vec![Face::Named(""); mesh.faces.sizes.len()];
@@ -40,7 +43,7 @@ pub fn of_file(path: &Path, mesh: &KeptMesh) -> Result<Painted, Failure> {
         parts(mesh, &said)
     };
     let parts = of(&drawn, mesh);
-    let still = still.map(|mut still| -> Result<Still, Failure> {
+    let still = still.map(|mut still| -> Result<Still> {
         let mut stands = std::mem::take(&mut still.source).kept(Tolerance::ZERO)?;
         stands.positions.iter_mut().for_each(|p| *p = (p.as_dvec3() - mesh.origin.as_dvec3()).as_vec3());
         Ok(Still { parts: of(&still, &stands), mesh: stands })

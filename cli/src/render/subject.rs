@@ -3,7 +3,7 @@
 use super::names;
 use super::painted::{self, Painted, Still};
 use crate::input::Input;
-use crate::output::Failure;
+use crate::output::Result;
 use deltamorph::KeptMesh;
 use deltamorph::import::is_gltf;
 use deltamorph_render::{Camera, Face, Part, View, parts};
@@ -22,7 +22,7 @@ pub struct Subject {
 }
 
 impl Subject {
-    pub fn new(input: &Input) -> Result<Self, Failure> {
+    pub fn new(input: &Input) -> Result<Self> {
         let path = input.args.input.as_ref().filter(|path| is_gltf(path) && path.is_file() && input.packed.is_none());
         let Some(path) = path else { return Ok(Self::of_mesh(input)) };
         let Painted { parts, still } = painted::of_file(path, &input.kept)?;

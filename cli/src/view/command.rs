@@ -47,9 +47,12 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
     let line = if line.starts_with('#') { "" } else { line.split(" #").next().unwrap_or_default().trim() };
     let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     let rest = rest.trim();
-    let path = || match rest.is_empty() {
-        true => Err(format!("{word}: the file is missing; write `{word} FILE`")),
-        false => Ok(PathBuf::from(rest)),
+    let path = || {
+        if rest.is_empty() {
+            Err(format!("{word}: the file is missing; write `{word} FILE`"))
+        } else {
+            Ok(PathBuf::from(rest))
+        }
     };
     let say = |error: String| format!("{word} {rest}: {error}");
     let command = match (word, rest) {

@@ -1,7 +1,7 @@
 //! Instance, device and queue as in a host that links deltamorph: with a window to present to, and the engine on
 //! top.
 
-use crate::output::Failure;
+use crate::output::{Failure, Result};
 use ash_window::{create_surface, enumerate_required_extensions};
 use deltamorph::ash::{self, khr, vk};
 use deltamorph::{DeviceCaps, Error};
@@ -63,7 +63,7 @@ fn cannot_show(why: &str) -> Failure {
 
 impl Device {
     /// The chosen device, or else a GPU rather than a software driver, among those that can present to the window.
-    pub fn new(window: &Arc<Window>, choice: Option<&DeviceChoice>, validation: bool) -> Result<Self, Failure> {
+    pub fn new(window: &Arc<Window>, choice: Option<&DeviceChoice>, validation: bool) -> Result<Self> {
         let handles = (window.display_handle(), window.window_handle());
         let (Ok(display), Ok(handle)) = (handles.0.map(|h| h.as_raw()), handles.1.map(|h| h.as_raw())) else {
             return Err(cannot_show(NO_DRIVER));
@@ -140,7 +140,7 @@ fn choose(
     surface: &Surface,
     window: (RawDisplayHandle, RawWindowHandle),
     choice: Option<&DeviceChoice>,
-) -> Result<(vk::PhysicalDevice, u32, DeviceCaps), Failure> {
+) -> Result<(vk::PhysicalDevice, u32, DeviceCaps)> {
     let instance = &surface.instance.raw;
     // SAFETY: the instance is alive, and was created for Vulkan 1.1.
     let caps = unsafe { headless::devices(instance) }?;

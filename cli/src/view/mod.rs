@@ -16,12 +16,12 @@ mod window;
 
 use crate::args::view::ViewArgs;
 use crate::input;
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, Result};
 use command::Step;
 use deltamorph_headless::DeviceChoice;
 use std::path::PathBuf;
 
-pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<()> {
     args.run.update.check_single("view").map_err(Failure::Usage)?;
     let mut steps = match &args.script {
         None => vec![],

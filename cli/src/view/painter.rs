@@ -1,7 +1,7 @@
 //! Draws the panel over the picture.
 
 use super::device::{Device, failed, failure};
-use crate::output::Failure;
+use crate::output::{Failure, Result};
 use deltamorph::ash::vk;
 use deltamorph_headless::{framebuffer, render_pass};
 use deltamorph_render::Target;
@@ -31,7 +31,7 @@ fn not_drawn(error: impl std::fmt::Display) -> Failure {
 }
 
 impl Painter {
-    pub fn new(device: &Rc<Device>) -> Result<Self, Failure> {
+    pub fn new(device: &Rc<Device>) -> Result<Self> {
         let mut this = Self {
             renderer: None,
             pass: vk::RenderPass::null(),
@@ -57,7 +57,7 @@ impl Painter {
     }
 
     /// Makes the pass over a picture, which is ready for copies before and after.
-    fn make_pass(&mut self) -> Result<(), Failure> {
+    fn make_pass(&mut self) -> Result<()> {
         let copied = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
         let attachments = [vk::AttachmentDescription::default()
             .format(Target::FORMAT)
@@ -88,7 +88,7 @@ impl Painter {
     }
 
     /// Draws over `target` from now on.
-    pub fn set_target(&mut self, target: &Target) -> Result<(), Failure> {
+    pub fn set_target(&mut self, target: &Target) -> Result<()> {
         let [width, height] = target.size();
         self.extent = vk::Extent2D { width, height };
         let device = self.device.headless.engine().device();
@@ -101,7 +101,7 @@ impl Painter {
     }
 
     /// Takes egui's output for the next frame, and uploads its textures. The frame before has been drawn.
-    pub fn take(&mut self, context: &egui::Context, output: FullOutput) -> Result<(), Failure> {
+    pub fn take(&mut self, context: &egui::Context, output: FullOutput) -> Result<()> {
         let FullOutput { shapes, pixels_per_point, mut textures_delta, .. } = output;
         (self.primitives, self.pixels_per_point) = (context.tessellate(shapes, pixels_per_point), pixels_per_point);
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
@@ -121,7 +121,7 @@ impl Painter {
     ///
     /// # Safety
     /// `cmd` is recording, outside a render pass; the target is alive, and a picture has been drawn into it.
-    pub unsafe fn record(&mut self, cmd: vk::CommandBuffer) -> Result<(), Failure> {
+    pub unsafe fn record(&mut self, cmd: vk::CommandBuffer) -> Result<()> {
         let device = self.device.raw();
         let area = vk::Rect2D { extent: self.extent, ..Default::default() };
         let begin = vk::RenderPassBeginInfo::default().render_pass(self.pass).framebuffer(self.framebuffer);

@@ -113,10 +113,8 @@ fn clip(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
         ui.add(egui::Label::new(&name).truncate()).on_hover_text(&clip.name);
     }
     ui.horizontal(|ui| {
-        let (icon, name, command) = match state.playing {
-            true => ("⏸", "Pause", Command::Pause),
-            false => ("▶", "Play", Command::Play),
-        };
+        let (icon, name, command) =
+            if state.playing { ("⏸", "Pause", Command::Pause) } else { ("▶", "Play", Command::Play) };
         let button = ui.add_sized([30.0, 24.0], Button::new(icon)).on_hover_text(format!("{name} (space)"));
         button.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name));
         if button.clicked() {

@@ -10,7 +10,7 @@ use super::style;
 use super::swapchain::Swapchain;
 use crate::args::render::Background;
 use crate::args::view::ViewArgs;
-use crate::output::{Failure, Output};
+use crate::output::{Output, Result};
 use crate::render::canvas::save;
 use crate::render::subject::Subject;
 use crate::runner::prepare;
@@ -61,7 +61,7 @@ impl Stage {
         choice: Option<&DeviceChoice>,
         is_scripted: bool,
         out: &Output,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let device = Rc::new(Device::new(&window, choice, *validation)?);
         let painter = Painter::new(&device)?;
         let mesh = &state.input.kept;
@@ -119,7 +119,7 @@ impl Stage {
     }
 
     /// Recreates the images at the window's present size.
-    pub fn resize(&mut self) -> Result<(), Failure> {
+    pub fn resize(&mut self) -> Result<()> {
         let size = self.window.inner_size();
         self.canvas = None;
         if let Some(swapchain) = Swapchain::new(&self.device, [size.width, size.height])? {
@@ -133,11 +133,7 @@ impl Stage {
 
     /// Draws a frame, and writes it to `screenshot`. Returns whether it did, the user's commands in the panel, and
     /// whether the panel is animated.
-    pub fn draw(
-        &mut self,
-        state: &mut State,
-        screenshot: Option<&Path>,
-    ) -> Result<(bool, Vec<Command>, bool), Failure> {
+    pub fn draw(&mut self, state: &mut State, screenshot: Option<&Path>) -> Result<(bool, Vec<Command>, bool)> {
         if self.canvas.is_none() {
             self.resize()?;
         }
@@ -151,7 +147,7 @@ impl Stage {
         Ok((drawn, done, moves))
     }
 
-    fn picture(&mut self, weights: &[f32], scene: &Scene, screenshot: Option<&Path>) -> Result<bool, Failure> {
+    fn picture(&mut self, weights: &[f32], scene: &Scene, screenshot: Option<&Path>) -> Result<bool> {
         let Some((swapchain, target)) = &mut self.canvas else { return Ok(false) };
         let Some(index) = swapchain.acquire()? else {
             return self.resize().map(|()| false);
@@ -192,7 +188,7 @@ impl Stage {
         weights.iter_mut().for_each(|weight| *weight = weight.clamp(-most, most));
     }
 
-    fn panel(&mut self, state: &State) -> Result<(Vec<Command>, bool), Failure> {
+    fn panel(&mut self, state: &State) -> Result<(Vec<Command>, bool)> {
         let input = self.ui.take_egui_input(&self.window);
         let context = self.ui.egui_ctx().clone();
         let mut done = vec![];

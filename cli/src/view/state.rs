@@ -3,7 +3,7 @@
 use super::command::Command;
 use crate::args::view::ViewArgs;
 use crate::input::{self, Input};
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, Result};
 use deltamorph::BoundClip;
 use deltamorph_render::Show;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ pub struct State {
 }
 
 impl State {
-    pub fn new(args: &ViewArgs, out: &Output) -> Result<Self, Failure> {
+    pub fn new(args: &ViewArgs, out: &Output) -> Result<Self> {
         let named = args.run.weights.as_deref();
         let input = input::load(&args.run.input, false, out)?;
         let first = named.or(input.clips.first().map(PathBuf::as_path));
@@ -70,7 +70,7 @@ impl State {
     }
 
     /// Applies a command. After an error nothing has changed.
-    pub fn apply(&mut self, command: Command) -> Result<(), Failure> {
+    pub fn apply(&mut self, command: Command) -> Result<()> {
         match command {
             Command::Set(name, weight) => self.set(&name, weight)?,
             Command::Reset => {
@@ -103,7 +103,7 @@ impl State {
         Ok(())
     }
 
-    fn last_frame(&self) -> Result<f64, Failure> {
+    fn last_frame(&self) -> Result<f64> {
         let clip = self.clip.as_ref().ok_or_else(|| {
             let text = "there is no clip; drop a CSV file on the window, or name one with --weights";
             Failure::Usage(text.into())
@@ -116,7 +116,7 @@ impl State {
     }
 
     /// Sets a weight; from now on, weights come from the sliders.
-    fn set(&mut self, name: &str, weight: f32) -> Result<(), Failure> {
+    fn set(&mut self, name: &str, weight: f32) -> Result<()> {
         let target = self.input.kept.target_index(name);
         let unknown = || Failure::Usage(format!("set {name}: {}", self.input.unknown(name)));
         let target = target.ok_or_else(unknown)?;
@@ -126,7 +126,7 @@ impl State {
         Ok(())
     }
 
-    fn take_clip(&mut self, path: &Path) -> Result<(), Failure> {
+    fn take_clip(&mut self, path: &Path) -> Result<()> {
         self.clip = Some(self.input.clip(path, &[])?);
         self.at = 0.0;
         self.follows = true;
@@ -146,7 +146,7 @@ impl State {
     }
 
     /// Weights of the targets. Sliders follow the clip.
-    pub fn weights(&mut self) -> Result<Vec<f32>, Failure> {
+    pub fn weights(&mut self) -> Result<Vec<f32>> {
         if let Some(clip) = self.clip.as_ref().filter(|_| self.follows) {
             let before = self.at as usize;
             let share = self.at.fract() as f32;

@@ -1,7 +1,7 @@
 //! The images of the window, which pictures are copied to.
 
 use super::device::{Device, Surface, failed};
-use crate::output::Failure;
+use crate::output::{Failure, Result};
 use deltamorph::ash::vk;
 use std::rc::Rc;
 use std::slice::from_ref;
@@ -22,7 +22,7 @@ pub struct Swapchain {
 
 impl Swapchain {
     /// Creates images for a window of this size; `None` if it has no area, as when minimised.
-    pub fn new(device: &Rc<Device>, size: [u32; 2]) -> Result<Option<Self>, Failure> {
+    pub fn new(device: &Rc<Device>, size: [u32; 2]) -> Result<Option<Self>> {
         let Surface { raw: surface, functions: surfaces, .. } = &device.surface;
         let physical = device.headless.handles().1;
         // SAFETY: the physical device was chosen for this surface.
@@ -70,7 +70,7 @@ impl Swapchain {
     }
 
     /// Waits for the next image to copy to, and returns its number; `None` if the window has another size now.
-    pub fn acquire(&self) -> Result<Option<u32>, Failure> {
+    pub fn acquire(&self) -> Result<Option<u32>> {
         let raw = self.device.raw();
         // SAFETY: the fence is unsignalled, and nothing else signals it.
         unsafe {
@@ -120,7 +120,7 @@ impl Swapchain {
     }
 
     /// Presents an image that has been copied to; returns whether the window still has this size.
-    pub fn present(&self, index: u32) -> Result<bool, Failure> {
+    pub fn present(&self, index: u32) -> Result<bool> {
         let info = vk::PresentInfoKHR::default().swapchains(from_ref(&self.raw)).image_indices(from_ref(&index));
         // SAFETY: the image was acquired; the copy was waited for, so there is no semaphore.
         match unsafe { self.device.swapchains.queue_present(self.device.headless.queue().0, &info) } {

@@ -4,7 +4,7 @@ use super::command::{Command, Step};
 use super::stage::Stage;
 use super::state::State;
 use crate::args::view::ViewArgs;
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, Result};
 use deltamorph_headless::DeviceChoice;
 use std::collections::VecDeque;
 use std::fmt::Display;
@@ -62,7 +62,7 @@ impl<'a> App<'a> {
         choice: Option<&'a DeviceChoice>,
         out: &'a Output,
         steps: Option<Vec<(usize, Step)>>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let state = State::new(args, out)?;
         let script = |steps: Vec<_>| Script { steps: steps.into(), line: 0, frames: 0, screenshot: None, size: None };
         let script = steps.map(script);
@@ -71,7 +71,7 @@ impl<'a> App<'a> {
     }
 
     /// Shows the window until it is closed.
-    pub fn run(mut self) -> Result<(), Failure> {
+    pub fn run(mut self) -> Result<()> {
         let events = EventLoop::new().map_err(no_window)?;
         events.run_app(&mut self).map_err(no_window)?;
         let messages = self.stage.as_ref().map(Stage::messages);
@@ -88,7 +88,7 @@ impl<'a> App<'a> {
         self.failure.map_or(Ok(()), Err)
     }
 
-    fn open(&mut self, events: &ActiveEventLoop) -> Result<(), Failure> {
+    fn open(&mut self, events: &ActiveEventLoop) -> Result<()> {
         let [width, height] = self.args.size;
         let title = format!("deltamorph – {}", self.state.input.name);
         let attributes = Window::default_attributes().with_title(title);
@@ -112,7 +112,7 @@ impl<'a> App<'a> {
     }
 
     /// Executes steps of the script until one needs a frame; returns whether anything is left to do.
-    fn steps(&mut self) -> Result<bool, Failure> {
+    fn steps(&mut self) -> Result<bool> {
         loop {
             let (Some(script), Some(stage)) = (&mut self.script, &mut self.stage) else { return Ok(true) };
             if let Some((size, since)) = script.size {
@@ -147,7 +147,7 @@ impl<'a> App<'a> {
         }
     }
 
-    fn frame(&mut self) -> Result<bool, Failure> {
+    fn frame(&mut self) -> Result<bool> {
         if !self.steps()? {
             return Ok(false);
         }
@@ -170,7 +170,7 @@ impl<'a> App<'a> {
     }
 
     /// Closes the window after an error, which in a script names the line.
-    fn keep(&mut self, events: &ActiveEventLoop, result: Result<bool, Failure>) {
+    fn keep(&mut self, events: &ActiveEventLoop, result: Result<bool>) {
         match result {
             Ok(true) => {}
             Ok(false) => events.exit(),

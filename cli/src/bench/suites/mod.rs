@@ -8,7 +8,7 @@ use super::record::Report;
 use super::session::Session;
 use crate::args::bench::{BenchArgs, SuiteChoice};
 use crate::input;
-use crate::output::{Failure, Output};
+use crate::output::{Output, Result};
 use deltamorph::PoseFormat::{Fixed16, Float32};
 use deltamorph::UpdatePath::{Blocks, Compute};
 use deltamorph_baselines::{DIRECT, PATHS};
@@ -17,7 +17,7 @@ use deltamorph_headless::DeviceChoice;
 /// Seconds to time a configuration for, by default.
 const SECONDS: f32 = 5.0;
 
-pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
+pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report> {
     let input = input::load(&args.input, false, out)?;
     let mut session = Session::open(args, device, &input, SECONDS, out)?;
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);

@@ -5,7 +5,7 @@ use crate::bench::record::Skipped;
 use crate::bench::session::Session;
 use crate::bench::workload::Workload;
 use crate::input::{self, Input};
-use crate::output::Failure;
+use crate::output::Result;
 use deltamorph::KeptMesh;
 use deltamorph_head::{HeadDesc, head_clip};
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use std::path::PathBuf;
 pub type Scene = (Vec<Input>, Vec<(Vec<Workload>, String)>);
 
 /// The built-in head of this size, as `args` have it otherwise.
-fn head_of(args: &InputArgs, head: HeadArgs, session: &Session<'_>) -> Result<Input, Failure> {
+fn head_of(args: &InputArgs, head: HeadArgs, session: &Session<'_>) -> Result<Input> {
     let input = input::load(&InputArgs { head, ..args.clone() }, false, session.out)?;
     let name = format!("{} vertices × {} targets", input.kept.vertex_count(), input.kept.targets.len());
     Ok(Input { name, ..input })
@@ -24,14 +24,14 @@ fn head_of(args: &InputArgs, head: HeadArgs, session: &Session<'_>) -> Result<In
 const SPARSE: f32 = 0.08;
 
 /// The built-in head, dense and sparse; or only INPUT, if given.
-fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>, Failure> {
+fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>> {
     let args = &session.args.input;
     if args.input.is_some() {
         return Ok(vec![input::load(args, false, session.out)?]);
     }
     let sparse = args.head.sparsity.unwrap_or(SPARSE);
     let heads = [("dense".to_owned(), 1.0), (format!("{}% sparse", sparse * 100.0), sparse)];
-    let load = |(name, sparsity)| -> Result<Input, Failure> {
+    let load = |(name, sparsity)| -> Result<Input> {
         let head = HeadArgs { sparsity: Some(sparsity), ..args.head.clone() };
         Ok(Input { name, ..head_of(args, head, session)? })
     };
@@ -43,7 +43,7 @@ const FEW: usize = 8;
 const ACTIVE: usize = 4;
 
 /// All targets changed, few, and few beside constant ones, each on a dense and a sparse mesh.
-pub fn made_up(session: &Session<'_>) -> Result<Vec<Scene>, Failure> {
+pub fn made_up(session: &Session<'_>) -> Result<Vec<Scene>> {
     let seed = session.args.input.seed;
     let workloads = |input: Input| {
         let n = input.kept.targets.len();
@@ -70,7 +70,7 @@ const POINTS: usize = 6;
 
 /// The sparse mesh with more and more of its targets, all of which change, after Costigan et al. (MIG 2016), figures 5
 /// and 6.
-pub fn kept(session: &Session<'_>) -> Result<Vec<Scene>, Failure> {
+pub fn kept(session: &Session<'_>) -> Result<Vec<Scene>> {
     let Some(all) = dense_and_sparse(session)?.pop() else { return Ok(vec![]) };
     let total = all.kept.targets.len();
     let mut counts: Vec<usize> = (1..=POINTS).map(|i| (total * i / POINTS).max(1.min(total))).collect();
@@ -86,7 +86,7 @@ pub fn kept(session: &Session<'_>) -> Result<Vec<Scene>, Failure> {
 }
 
 /// A face for crowds of thousands, of whose targets a third change in each frame.
-pub fn many(session: &Session<'_>) -> Result<Vec<Scene>, Failure> {
+pub fn many(session: &Session<'_>) -> Result<Vec<Scene>> {
     let (args, head) = (&session.args.input, &session.args.input.head);
     let size = HeadArgs {
         vertices: head.vertices.or(Some(2_700)),
@@ -111,7 +111,7 @@ const FRAMES: usize = 300;
 
 /// Faces of four rigs, each at its own frame of a clip, after table 6 of Kavan et al., "Compressed Skinning for Facial
 /// Blendshapes" (SIGGRAPH 2024): ten faces each of four rigs.
-pub fn faces(session: &mut Session<'_>) -> Result<Vec<Scene>, Failure> {
+pub fn faces(session: &mut Session<'_>) -> Result<Vec<Scene>> {
     let args = &session.args.input;
     if args.input.is_some() {
         let reason = "measures the built-in head in four sizes; leave out INPUT".into();
@@ -141,7 +141,7 @@ pub fn faces(session: &mut Session<'_>) -> Result<Vec<Scene>, Failure> {
 }
 
 /// The clips of INPUT.
-pub fn captured(session: &mut Session<'_>, input: Input) -> Result<Vec<Scene>, Failure> {
+pub fn captured(session: &mut Session<'_>, input: Input) -> Result<Vec<Scene>> {
     let read = |path: &PathBuf| input.clip(path, &[]).map(|clip| (vec![Workload::clip(&clip)], clip.name.clone()));
     let works: Vec<_> = input.clips.iter().map(read).collect::<Result<_, _>>()?;
     if works.is_empty() {

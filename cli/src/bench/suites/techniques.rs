@@ -8,7 +8,7 @@ use crate::bench::configs::{Config, Wanted};
 use crate::bench::record::{draws_words, heads_words};
 use crate::bench::session::Session;
 use crate::bench::workload::Setting;
-use crate::output::Failure;
+use crate::output::Result;
 use deltamorph::{PoseFormat, UpdateMode, UpdatePath};
 
 /// Batch sizes to choose from; few, since beyond 8 the gain is small.
@@ -55,7 +55,7 @@ pub fn run(
     heads: &[u32],
     paths: &[UpdatePath],
     poses: &[PoseFormat],
-) -> Result<(), Failure> {
+) -> Result<()> {
     let techniques = all(session, paths, poses);
     let args = session.args;
     let (heads, draws) = (distinct_or(&args.heads, heads), distinct_or(&args.draws, &[1]));
