@@ -1,17 +1,17 @@
 //! The `direct-attributes` path (Gerdelan): draws read the active targets as vertex attributes, next to the base pose,
 //! and their weights as push constants. The device's attributes limit the number of active targets.
 
+use crate::abi::modules::{DIRECT_ATTRIBUTES, FEEDBACK, VERTEX_STORE};
 use crate::draws::{Capture, Draws};
+use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::Pipelines;
+use crate::update::dense::DensePlanner;
+use crate::update::dense::feedback::VertexPasses;
+use crate::update::dense::technique::{ChunkSets, DensePass};
+use crate::update::technique::Context;
 use crate::vertex_store::store_sets;
+use crate::weights::delta::{Coefficient, active_targets};
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::{DIRECT_ATTRIBUTES, FEEDBACK, VERTEX_STORE};
-use deltamorph::internals::gpu::mesh::MeshBuffers;
-use deltamorph::internals::gpu::pipelines::Pipelines;
-use deltamorph::internals::update::dense::DensePlanner;
-use deltamorph::internals::update::dense::feedback::VertexPasses;
-use deltamorph::internals::update::dense::technique::{ChunkSets, DensePass};
-use deltamorph::internals::update::technique::Context;
-use deltamorph::internals::weights::delta::{Coefficient, active_targets};
 use deltamorph::{Error, Result};
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ use std::sync::Arc;
 const INSTANCES_MAX: u32 = 1 << 20;
 
 /// The draws of a crowd on the path `direct-attributes`: the active targets of each instance.
-pub(crate) struct AttributeDraws {
+pub struct AttributeDraws {
     kernel: Arc<Pipelines<VertexPasses>>,
     /// Captures poses: a pass from the base pose of a path with the same evaluation (`attributes.glsl`), and descriptor
     /// sets if the pass stores.

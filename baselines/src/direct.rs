@@ -1,19 +1,19 @@
 //! The `direct` path: the vertex shader evaluates all active targets in every draw, from deltas in a storage buffer
 //! (Costigan et al., Algorithm 1; Bevy, three.js and Filament use textures instead of buffers).
 
+use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
 use crate::draws::{Capture, Draws, add_draws};
+use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::memory::Ring;
+use crate::gpu::mesh::{MeshBuffers, delta_range};
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use crate::pack::{BASE_STRIDE, DeltaFormat};
+use crate::update::dense::DensePlanner;
+use crate::update::dense::feedback::vertex_input;
+use crate::update::technique::Context;
 use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
-use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
-use deltamorph::internals::gpu::memory::Ring;
-use deltamorph::internals::gpu::mesh::{MeshBuffers, delta_range};
-use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use deltamorph::internals::pack::{BASE_STRIDE, DeltaFormat};
-use deltamorph::internals::update::dense::DensePlanner;
-use deltamorph::internals::update::dense::feedback::vertex_input;
-use deltamorph::internals::update::technique::Context;
 use deltamorph::shader_structure;
 use std::sync::Arc;
 
@@ -59,7 +59,7 @@ impl PipelineKey for Direct {
 }
 
 /// The draws of a crowd on the path `direct`, which read weights from a ring of host-visible memory.
-pub(crate) struct DirectDraws {
+pub struct DirectDraws {
     kernel: Arc<Pipelines<Direct>>,
     mesh: Arc<MeshBuffers>,
     ring: Ring,

@@ -1,25 +1,25 @@
 //! The common part of the direct paths: draws that evaluate the pose, and its capture.
 
+use crate::abi::modules::Kernel;
+use crate::gpu::barriers;
+use crate::gpu::device::Device;
+use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::Objects;
+use crate::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
+use crate::plan::instances::{InstanceState, Instances};
+use crate::plan::schedule::{Entry, Schedule};
+use crate::plan::steps::{Access, Resource, Stage, Steps, Use, Work};
+use crate::plan::{BatchSize, Consumers, UpdatePath, UpdateStats};
+use crate::update::crowd::CrowdDesc;
+use crate::update::dense::DensePlanner;
+use crate::update::technique::{Context, PoseDraws, Technique, UpdateId};
 use deltamorph::UpdateDesc;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::Kernel;
-use deltamorph::internals::gpu::barriers;
-use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::mesh::MeshBuffers;
-use deltamorph::internals::gpu::pipelines::Objects;
-use deltamorph::internals::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
-use deltamorph::internals::plan::instances::{InstanceState, Instances};
-use deltamorph::internals::plan::schedule::{Entry, Schedule};
-use deltamorph::internals::plan::steps::{Access, Resource, Stage, Steps, Use, Work};
-use deltamorph::internals::plan::{BatchSize, Consumers, UpdatePath, UpdateStats};
-use deltamorph::internals::update::crowd::CrowdDesc;
-use deltamorph::internals::update::dense::DensePlanner;
-use deltamorph::internals::update::technique::{Context, PoseDraws, Technique, UpdateId};
 use deltamorph::{Error, Result};
 use std::sync::Arc;
 
 /// Draws that evaluate the pose from weights.
-pub(crate) trait Draws: Send + Sync + 'static {
+pub trait Draws: Send + Sync + 'static {
     /// Makes the arguments for a crowd's draws.
     fn new(context: Context<'_>) -> Result<Self>
     where
@@ -47,7 +47,7 @@ pub(crate) trait Draws: Send + Sync + 'static {
 }
 
 /// A crowd on a direct path: an update writes weights, and there are no works.
-pub(crate) struct DrawTechnique<D> {
+pub struct DrawTechnique<D> {
     draws: D,
     device: Arc<Device>,
     path: UpdatePath,
@@ -60,7 +60,7 @@ pub(crate) struct DrawTechnique<D> {
 }
 
 impl<D: Draws> DrawTechnique<D> {
-    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+    pub fn new(context: Context<'_>) -> Result<Self> {
         let (device, path) = (context.device.clone(), context.desc.update.path);
         let (mesh, planner) = (context.mesh.clone(), one_pass(context.desc)?);
         Ok(Self { draws: D::new(context)?, device, path, mesh, planner, written: 0, stale: false })
@@ -125,15 +125,15 @@ impl<D: Draws> PoseDraws for DrawTechnique<D> {
 }
 
 /// Ways to capture a pose that a draw evaluates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Capture {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Capture {
     Feedback,
     Store,
 }
 
 impl Capture {
     /// Returns the device's way to capture poses that only the draws of `path` evaluate, if any.
-    pub(crate) fn of(device: &Device, path: UpdatePath) -> Result<Self> {
+    pub fn of(device: &Device, path: UpdatePath) -> Result<Self> {
         match device.caps.check_path(UpdatePath::Feedback) {
             Ok(()) => Ok(Self::Feedback),
             Err(_) if device.caps.vertex_stores => Ok(Self::Store),
@@ -152,7 +152,7 @@ impl Capture {
     ///
     /// # Safety
     /// `cmd` is in the recording state on the device, outside a render pass; the device supports this way of capturing.
-    pub(crate) unsafe fn record(self, device: &Device, cmd: vk::CommandBuffer, draw: impl Fn()) {
+    pub unsafe fn record(self, device: &Device, cmd: vk::CommandBuffer, draw: impl Fn()) {
         for entry in self.schedule().entries {
             match entry {
                 // SAFETY: the caller's obligations.
@@ -178,7 +178,7 @@ impl Capture {
 }
 
 /// Adds the pipelines of a draw, and of its captures by feedback or stores, if the device can capture.
-pub(crate) fn add_draws(
+pub fn add_draws(
     objects: &mut Objects,
     [draw, feedback, store]: [&'static Kernel; 3],
     capture: Option<Capture>,
@@ -197,16 +197,13 @@ pub(crate) fn add_draws(
 type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
 /// Returns whether the last update changes a pose.
-pub(crate) fn has_changed(planner: &DensePlanner) -> bool {
+pub fn has_changed(planner: &DensePlanner) -> bool {
     planner.plans().iter().any(|plan| !plan.passes.is_empty())
 }
 
 /// Makes a planner whose plans are one pass from base, or none, regardless of how many targets a draw takes.
-pub(crate) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
-    let batch = match desc.update.path.takes_all_targets() {
-        true => BatchSize::All,
-        false => BatchSize::Targets(u32::MAX),
-    };
+pub fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
+    let batch = if desc.update.path.takes_all_targets() { BatchSize::All } else { BatchSize::Targets(u32::MAX) };
     DensePlanner::new(UpdateDesc { batch, ..desc.update }, desc.instances as usize)
 }
 
@@ -214,8 +211,8 @@ pub(crate) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
 mod tests {
     use super::Capture;
     use crate::hazards::{Accesses, Event, HazardChecker, Memory, barriers_needed, trace};
-    use deltamorph::internals::plan::schedule::asset_uploaded;
-    use deltamorph::internals::plan::steps::{Access, Stage, Use};
+    use crate::plan::schedule::asset_uploaded;
+    use crate::plan::steps::{Access, Stage, Use};
 
     /// Captures with draws between them need each barrier.
     #[test]

@@ -23,11 +23,12 @@ mod testing;
 mod texture;
 mod vertex_store;
 
+use crate::gpu::device::Device;
+use crate::gpu::mesh::{MeshBuffers, Upload};
+use crate::update::dense::technique::DenseTechnique;
+use crate::update::technique::{Context, Technique, Techniques};
 use deltamorph::ash::vk;
-use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
-use deltamorph::internals::update::dense::technique::DenseTechnique;
-use deltamorph::internals::update::technique::{Context, Technique, Techniques};
+use deltamorph::internals::{abi, asset, gpu, pack, plan, update, weights};
 use deltamorph::{Error, PackedMesh, Result, UpdatePath};
 pub use paths::{DIRECT, DIRECT_ATTRIBUTES, PATHS, SCATTER, TEXTURE, VERTEX_STORE};
 use std::any::Any;

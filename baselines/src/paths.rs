@@ -1,6 +1,6 @@
 //! The update paths that this package adds to those of the library.
 
-use deltamorph::internals::plan::{Batch, Needs, PathRow};
+use crate::plan::{Batch, Needs, PathRow};
 use deltamorph::{DeltaFormat, UpdatePath};
 
 /// Evaluated in each draw, from positions and normals alone.

@@ -5,27 +5,27 @@
 //! sums equal such poses of `blocks` bit for bit. The error is the same, too: that of packing, and at most ½ · weight
 //! step · Σ |delta| for weights that are not on the grid.
 
+use crate::abi::modules::{RESOLVE, SCATTER};
+use crate::abi::numbers::WORKGROUP;
+use crate::asset::streams::TRIPLE;
 use crate::draws::{has_changed, one_pass};
+use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::device::Device;
+use crate::gpu::memory::Buffer;
+use crate::gpu::mesh::{MeshBuffers, Upload};
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use crate::gpu::statistics::MemoryKind;
+use crate::pack::blocks::{BlockIndex, PoseGrid};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
+use crate::plan::UpdateStats;
+use crate::plan::instances::{InstanceState, Instances};
+use crate::plan::steps::{Resource, Steps, Use, Work};
+use crate::update::dense::DensePlanner;
+use crate::update::technique::{Context, Poses, Technique, UpdateId};
 use crate::{check_storage, private};
 use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::{RESOLVE, SCATTER};
-use deltamorph::internals::abi::numbers::WORKGROUP;
-use deltamorph::internals::asset::streams::TRIPLE;
-use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
-use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::memory::Buffer;
-use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
-use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use deltamorph::internals::gpu::statistics::MemoryKind;
-use deltamorph::internals::pack::blocks::{BlockIndex, PoseGrid};
-use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
-use deltamorph::internals::plan::UpdateStats;
-use deltamorph::internals::plan::instances::{InstanceState, Instances};
-use deltamorph::internals::plan::steps::{Resource, Steps, Use, Work};
-use deltamorph::internals::update::dense::DensePlanner;
-use deltamorph::internals::update::technique::{Context, Poses, Technique, UpdateId};
 use deltamorph::shader_structure;
 use std::ops::Range;
 use std::sync::Arc;
@@ -79,7 +79,7 @@ fn records(group: &PackedGroup, index: &BlockIndex) -> (Vec<u32>, Vec<u32>) {
 ///
 /// # Errors
 /// Sums that could overflow; more records than a descriptor covers; out of memory.
-pub(crate) fn upload(device: &Arc<Device>, mesh: &PackedMesh) -> Result<(Vec<MeshBuffers>, Vec<Upload>)> {
+pub fn upload(device: &Arc<Device>, mesh: &PackedMesh) -> Result<(Vec<MeshBuffers>, Vec<Upload>)> {
     let (group, layout) = (&mesh.groups()[0], mesh.layout());
     let Some(index) = &layout.blocks else { unreachable!("the path takes `small`, which is in blocks") };
     let (words, first) = records(group, index);
@@ -147,7 +147,7 @@ unsafe fn dispatch<P: bytemuck::Pod>(
 }
 
 /// Kernels of works, by [`Work::kernel`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq)]
 enum Part {
     /// Clears the sums.
     Clear,
@@ -164,7 +164,7 @@ const PARTS: [(Part, &[Use]); 3] = [
 ];
 
 /// A crowd with integer sums for each instance, cleared, added to and resolved in each update.
-pub(crate) struct ScatterTechnique {
+pub struct ScatterTechnique {
     kernel: Arc<Pipelines<Scatter>>,
     mesh: Arc<MeshBuffers>,
     poses: Poses,
@@ -176,7 +176,7 @@ pub(crate) struct ScatterTechnique {
 }
 
 impl ScatterTechnique {
-    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+    pub fn new(context: Context<'_>) -> Result<Self> {
         let (device, desc, mesh, poses) = (context.device, context.desc, context.mesh, context.poses);
         let kernel = context.kernels.get(Scatter)?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER

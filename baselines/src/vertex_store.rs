@@ -2,20 +2,20 @@
 //! write storage buffers. Like `feedback` it binds targets as vertex attributes, discards all primitives, and
 //! alternates between slots: a pass must not store into a slot whose other vertices are still to be fetched.
 
+use crate::abi::modules::VERTEX_STORE;
+use crate::gpu::descriptors::BufferRange;
+use crate::gpu::pipelines::{Objects, Pipelines};
+use crate::pack::{PackedLayout, PoseFormat};
+use crate::plan::steps::{Access, Resource, Stage, Use, Work};
+use crate::update::dense::feedback::VertexPasses;
+use crate::update::dense::technique::{ChunkSets, DensePass, Passes};
+use crate::update::technique::Context;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::VERTEX_STORE;
-use deltamorph::internals::gpu::descriptors::BufferRange;
-use deltamorph::internals::gpu::pipelines::{Objects, Pipelines};
-use deltamorph::internals::pack::{PackedLayout, PoseFormat};
-use deltamorph::internals::plan::steps::{Access, Resource, Stage, Use, Work};
-use deltamorph::internals::update::dense::feedback::VertexPasses;
-use deltamorph::internals::update::dense::technique::{ChunkSets, DensePass, Passes};
-use deltamorph::internals::update::technique::Context;
 use std::sync::Arc;
 
 /// The arguments for a crowd's storing vertex passes.
-pub(crate) struct StorePasses {
+pub struct StorePasses {
     kernel: Arc<Pipelines<VertexPasses>>,
     slots: u32,
     stores: ChunkSets,
@@ -44,7 +44,7 @@ impl Passes for StorePasses {
 }
 
 /// Makes descriptor sets for the destinations of passes: the `count` poses in `poses`.
-pub(crate) fn store_sets(objects: &Objects, layout: &PackedLayout, poses: vk::Buffer, count: u32) -> Result<ChunkSets> {
+pub fn store_sets(objects: &Objects, layout: &PackedLayout, poses: vk::Buffer, count: u32) -> Result<ChunkSets> {
     let (stride, bytes) = (PoseFormat::Float32.stride(), layout.pose_bytes(PoseFormat::Float32));
     let bound = (0..u64::from(count)).map(|pose| {
         move |first: usize, vertices: usize| {

@@ -98,7 +98,7 @@ pub enum Command {
 
 /// All arguments of `view`.
 #[cfg(not(feature = "viewer"))]
-#[derive(Args)]
+#[derive(Args, Debug)]
 pub struct NoViewArgs {
     #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
     args: Vec<std::ffi::OsString>,

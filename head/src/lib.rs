@@ -25,15 +25,15 @@ mod targets;
 
 pub use clip::head_clip;
 use deltamorph::Mesh;
-use deltamorph::glam::{Vec2, Vec3};
-use deltamorph::mesh::{Corner, Faces};
+use deltamorph::glam::Vec3;
+use deltamorph::mesh::Faces;
 pub use random::Rng;
 use spot::{Part, Spot};
 
 /// Description of the built-in head. The same description gives the same head on every machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeadDesc {
-    /// Number of vertices (≥ 1).
+    /// Number of vertices (≥ 5).
     pub vertices: usize,
     /// Number of targets (≥ 0); the 52 ARKit names come first.
     pub targets: usize,
@@ -52,12 +52,12 @@ impl Default for HeadDesc {
 
 /// Makes the built-in head: exactly `desc.vertices` vertices and `desc.targets` targets.
 ///
-/// Triangles, with texture coordinates split along a seam at the back, and without normals:
-/// [`pack`](Mesh::pack) computes them. Fewer than three vertices have no face, fewer than 250 make only
-/// the outline of a head, and below 1,000 or so some of teeth and tongue are missing. The shape of the base pose does
-/// not depend on the seed; it is symmetric, and so are targets for the left and the right side, up to the ends of their
-/// supports. The targets follow ARKit's documentation of their names. At weight 1, no target alone pushes a part
-/// through another, given enough vertices to resolve it (10,000 or so); this holds below 1 as well.
+/// Triangles, with texture coordinates split along a seam at the back, and without normals: [`pack`](Mesh::pack)
+/// computes them. Fewer than 250 vertices make only the outline of a head, and below 1,000 or so some of teeth and
+/// tongue are missing. The shape of the base pose does not depend on the seed; it is symmetric, and so are targets for
+/// the left and the right side, up to the ends of their supports. The targets follow ARKit's documentation of their
+/// names. At weight 1, no target alone pushes a part through another, given enough vertices to resolve it (10,000 or
+/// so); this holds below 1 as well.
 ///
 /// The tile of a part's texture coordinates, the whole part of `u`, identifies it: 0 is skin, 1 eyeballs (`v` goes from
 /// the middle of the pupil, 0, over its edge at 0.08 and that of the iris at 0.21, to the back, 1), 2 teeth, 3 tongue
@@ -67,19 +67,14 @@ impl Default for HeadDesc {
 /// outside their range are clamped into it (a `sparsity` that is not a number counts as the default's).
 pub fn head(desc: &HeadDesc) -> Mesh {
     // Vertex numbers and face corners (about six per vertex) are 32-bit.
-    let vertices = desc.vertices.clamp(1, 1 << 28);
+    let vertices = desc.vertices.clamp(5, 1 << 28);
     let sparsity = if desc.sparsity.is_nan() { HeadDesc::default().sparsity } else { desc.sparsity };
     let desc = HeadDesc { sparsity: sparsity.clamp(f32::MIN_POSITIVE, 1.0), ..desc.clone() };
-    let (spots, base) = if vertices < 5 { few(vertices) } else { whole(vertices) };
-    let targets = targets::targets(&desc, &spots, &base.positions);
-    Mesh { name: "head".to_owned(), targets, ..base }
-}
-
-fn whole(vertices: usize) -> (Vec<Spot>, Mesh) {
-    let mut net = mesh::Net::new(vertices);
-    let positions = net.spots.iter().map(|s| place(s, shape::Lids::REST)).collect();
-    let faces = net.faces();
-    (net.spots, Mesh { positions, texcoords: net.texcoords, faces, ..Default::default() })
+    let mesh::Net { spots, texcoords, corners } = mesh::Net::new(vertices);
+    let positions: Vec<Vec3> = spots.iter().map(|s| place(s, shape::Lids::REST)).collect();
+    let targets = targets::targets(&desc, &spots, &positions);
+    let faces = Faces { sizes: vec![3; corners.len() / 3], corners };
+    Mesh { name: "head".to_owned(), positions, texcoords, faces, targets, ..Mesh::default() }
 }
 
 /// The middle of the left eyeball, and its radius.
@@ -99,20 +94,6 @@ fn place(spot: &Spot, lids: shape::Lids) -> Vec3 {
         (part, _) => parts::point(part, spot.a, spot.t),
     };
     if spot.mirrored { Vec3::new(-p.x, p.y, p.z) } else { p }
-}
-
-/// Makes one to four vertices: points of the face's outline, with one face if there are three or more.
-fn few(vertices: usize) -> (Vec<Spot>, Mesh) {
-    let outline =
-        [Vec3::new(-5.0, 4.0, 8.0), Vec3::new(0.0, -9.0, 9.0), Vec3::new(5.0, 4.0, 8.0), Vec3::new(0.0, 11.0, 4.0)];
-    let positions = outline[..vertices].to_vec();
-    let texcoords = positions.iter().map(|p| Vec2::new(0.5 + p.x / 20.0, (p.y + 16.6) / 28.6)).collect();
-    let sizes = if vertices < 3 { vec![] } else { vec![vertices as u32] };
-    let corners = sizes.iter().flat_map(|&n| 0..n).map(|i| Corner { position: i, texcoord: Some(i) }).collect();
-    (
-        vec![mesh::on_skin(0.0, 10.0); vertices],
-        Mesh { positions, texcoords, faces: Faces { sizes, corners }, ..Default::default() },
-    )
 }
 
 /// Sine of an angle in [−π, π], as a polynomial: see the crate's documentation.

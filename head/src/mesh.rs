@@ -6,17 +6,17 @@ use super::rows::rows;
 use super::shape::{SECTIONS, section};
 use super::spot::{Part, Slit, Spot};
 use deltamorph::glam::Vec2;
-use deltamorph::mesh::{Corner, Faces};
+use deltamorph::mesh::Corner;
 use std::f32::consts::PI;
 
 /// Returns a spot on the outside of the skin.
-pub(super) fn on_skin(a: f32, t: f32) -> Spot {
+fn on_skin(a: f32, t: f32) -> Spot {
     Spot { part: Part::Skin, mirrored: false, a, t, height: section(t)[0], lower: false, behind: None }
 }
 
 /// Vertices, texture coordinates and faces, without positions.
 #[derive(Default)]
-pub(super) struct Net {
+pub struct Net {
     pub spots: Vec<Spot>,
     pub texcoords: Vec<Vec2>,
     pub corners: Vec<Corner>,
@@ -27,7 +27,7 @@ struct Thread(Vec<(u32, u32, f32)>);
 
 impl Net {
     /// Makes a net of exactly `vertices` vertices (≥ 5).
-    pub(super) fn new(vertices: usize) -> Self {
+    pub fn new(vertices: usize) -> Self {
         let mut net = Self::default();
         // Smaller heads have only the outline of a face.
         let features = vertices >= 250;
@@ -181,10 +181,5 @@ impl Net {
                 j += 1;
             }
         }
-    }
-
-    pub(super) fn faces(&mut self) -> Faces {
-        let corners = std::mem::take(&mut self.corners);
-        Faces { sizes: vec![3; corners.len() / 3], corners }
     }
 }

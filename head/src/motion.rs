@@ -8,7 +8,7 @@ use deltamorph::glam::Vec3;
 
 /// The motion of a lobe of a target; lengths in cm and angles in radians at weight 1.
 #[derive(Clone, Copy)]
-pub(super) enum Motion {
+pub enum Motion {
     /// The same displacement everywhere.
     Shift([f32; 3]),
     /// The lower jaw: rotated about the axis through both ears, then shifted.
@@ -28,8 +28,8 @@ pub(super) enum Motion {
 use Motion::{Jaw, Look, Puff, Purse, Shift, Tongue};
 
 /// The side of the line between the lips that a lobe applies to.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Lip {
+#[derive(Clone, Copy, PartialEq)]
+pub enum Lip {
     Both,
     Upper,
     Lower,
@@ -37,7 +37,7 @@ pub(super) enum Lip {
 
 /// A part of a target: its centre, its reach, its motion.
 #[derive(Clone, Copy)]
-pub(super) struct Lobe {
+pub struct Lobe {
     pub centre: Vec3,
     pub radii: Vec3,
     pub motion: Motion,
@@ -75,7 +75,7 @@ fn jaw_share(spot: &Spot, p: Vec3) -> f32 {
 
 impl Lobe {
     /// Returns the displacement of the vertex `spot` at `p`.
-    pub(super) fn displacement(&self, spot: &Spot, p: Vec3) -> Vec3 {
+    pub fn displacement(&self, spot: &Spot, p: Vec3) -> Vec3 {
         let skin = spot.part == Part::Skin;
         match self.motion {
             Motion::Lids(open, lower) => {
@@ -147,7 +147,7 @@ fn lid_zone(p: Vec3) -> f32 {
 }
 
 /// Returns the displacement `delta` of the skin at `p`, changed if needed to stay out of the eyeballs.
-pub(super) fn clear_of_eyes(spot: &Spot, p: Vec3, delta: Vec3) -> Vec3 {
+pub fn clear_of_eyes(spot: &Spot, p: Vec3, delta: Vec3) -> Vec3 {
     let eye = if p.x < 0.0 { Vec3::new(-EYE.x, EYE.y, EYE.z) } else { EYE };
     let least = (p - eye).length().min(LID_RADIUS);
     let moved = p + delta - eye;

@@ -5,7 +5,7 @@ use super::{EYE, EYE_RADIUS, MOUTH_HEIGHT, TONGUE_HEIGHT, cos, mix, sin, smooths
 use deltamorph::glam::Vec3;
 
 /// Returns the parts of a head of `vertices` vertices, with the side and number of vertices of each.
-pub(super) fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {
+pub fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {
     let all = [
         (Part::Eye, false, 0.03),
         (Part::Eye, true, 0.03),
@@ -19,7 +19,7 @@ pub(super) fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {
 }
 
 /// Returns the texture tile of a part, as an offset of u.
-pub(super) const fn tile(part: Part) -> f32 {
+pub const fn tile(part: Part) -> f32 {
     match part {
         Part::Skin => 0.0,
         Part::Eye => 1.0,
@@ -29,7 +29,7 @@ pub(super) const fn tile(part: Part) -> f32 {
 }
 
 /// Returns the number of rows per column.
-pub(super) const fn aspect(part: Part) -> f32 {
+pub const fn aspect(part: Part) -> f32 {
     match part {
         Part::Skin | Part::Eye => 0.8,
         Part::UpperTeeth | Part::LowerTeeth => 0.12,
@@ -40,7 +40,7 @@ pub(super) const fn aspect(part: Part) -> f32 {
 const TURN: f64 = 2.0 * std::f64::consts::PI;
 
 /// Returns a point of a part, `around` in (−1/2, 1/2] of a turn about its axis, `along` in 0..=1 from pole to pole.
-pub(super) fn point(part: Part, around: f32, along: f32) -> Vec3 {
+pub fn point(part: Part, around: f32, along: f32) -> Vec3 {
     let angle = f64::from(around) * TURN;
     let (s, c) = (sin(angle) as f32, cos(angle) as f32);
     match part {

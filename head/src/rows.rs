@@ -9,7 +9,7 @@ use std::f32::consts::PI;
 const SLITS: [Slit; 3] = [Slit::Eye, Slit::Ear, Slit::Mouth];
 
 /// A cumulative length along a parameter from 0 to 1, to position rows and vertices by density.
-pub(super) struct Gauge(Vec<f32>);
+pub struct Gauge(Vec<f32>);
 
 impl Gauge {
     const SAMPLES: usize = 512;
@@ -121,10 +121,10 @@ fn angle_of(passed: impl Fn(Vec3) -> f32, row: f32, end: f32) -> f32 {
 }
 
 /// An opening in a row of vertices: the first and the last index.
-pub(super) type Span = (Slit, usize, usize);
+pub type Span = (Slit, usize, usize);
 
 /// A row of vertices around the head, from the back over its right side and the face.
-pub(super) struct Row {
+pub struct Row {
     /// Its position among the sections.
     pub t: f32,
     /// Its vertices, without those on the lower edges of openings.
@@ -140,7 +140,7 @@ impl Row {
     }
 
     /// Returns the position of each vertex between back (0) and front (1), up to the one in front.
-    pub(super) fn places(&self) -> Vec<f32> {
+    pub fn places(&self) -> Vec<f32> {
         let (half, pins) = (self.count as f32 * 0.5, self.pins());
         let corners = self
             .openings
@@ -173,7 +173,7 @@ impl Row {
 }
 
 /// Makes the rows of a skin of exactly `vertices` vertices.
-pub(super) fn rows(vertices: usize, features: bool) -> Vec<Row> {
+pub fn rows(vertices: usize, features: bool) -> Vec<Row> {
     let last = (SECTIONS.len() - 1) as f32;
     let profile = Gauge::new(|from, to| {
         let (a, b) = (section(from * last), section(to * last));

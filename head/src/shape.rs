@@ -7,7 +7,7 @@ use deltamorph::glam::{Vec2, Vec3};
 
 /// Cross-sections from the crown to the end of the neck: height, half width, front, back, and the flattening of the
 /// front relative to an ellipse. They include the rows of eyes, ears and mouth: see [`Slit::row`].
-pub(super) const SECTIONS: [[f32; 5]; 22] = [
+pub const SECTIONS: [[f32; 5]; 22] = [
     [12.0, 0.0, -0.9, -0.9, 0.0],
     [11.7, 2.4, 1.9, -4.0, 0.0],
     [10.8, 4.3, 4.5, -6.7, 0.1],
@@ -33,7 +33,7 @@ pub(super) const SECTIONS: [[f32; 5]; 22] = [
 ];
 
 /// Returns the section at `t` in 0..=21.
-pub(super) fn section(t: f32) -> [f32; 5] {
+pub fn section(t: f32) -> [f32; 5] {
     let mut s = spline(&SECTIONS, t);
     s[1] = s[1].max(0.0);
     s
@@ -61,7 +61,7 @@ fn spline<const N: usize>(knots: &[[f32; N]], t: f32) -> [f32; N] {
 
 /// Returns the plain head at the angle `a` from the front (0..=π) and the row `t`, and how much it faces the front
 /// (−1..=1).
-pub(super) fn plain(a: f32, t: f32) -> (Vec3, f32) {
+pub fn plain(a: f32, t: f32) -> (Vec3, f32) {
     let [y, half, front, back, flat] = section(t);
     // Exactly in the middle at the back, since π is not a float.
     let s = if a < std::f32::consts::PI { sin(f64::from(a)) as f32 } else { 0.0 };
@@ -74,7 +74,7 @@ pub(super) fn plain(a: f32, t: f32) -> (Vec3, f32) {
 
 /// The opening of the lids, 1 at rest.
 #[derive(Clone, Copy)]
-pub(super) struct Lids {
+pub struct Lids {
     /// The distance between the edges; 0 is closed.
     pub open: f32,
     /// Distance of the lower lid's edge below the line between the corners; negative above it.
@@ -89,13 +89,13 @@ impl Lids {
 const LID: f32 = 0.16;
 const EYE_GAP: f32 = 0.05;
 /// Distance of the outside of the lids from the middle of the eyeball.
-pub(super) const LID_RADIUS: f32 = EYE_RADIUS + EYE_GAP + LID;
+pub const LID_RADIUS: f32 = EYE_RADIUS + EYE_GAP + LID;
 /// The gap between closed lids, and between lips that meet.
 const CONTACT: f32 = 0.006;
 /// Half the distance between the corners of an eye.
-pub(super) const HALF_EYE: f32 = 1.4;
+pub const HALF_EYE: f32 = 1.4;
 /// The root of the ear on the head: height, depth, half height, half width.
-pub(super) const EAR: [f32; 4] = [-0.6, -1.25, 2.1, 1.15];
+pub const EAR: [f32; 4] = [-0.6, -1.25, 2.1, 1.15];
 /// Distance of the ear's hollow from the middle of the head.
 const EAR_ROOT: f32 = 6.8;
 
@@ -158,7 +158,7 @@ fn along(d: f32, reach: f32) -> f32 {
 }
 
 /// Returns a point of the skin, on the head's left side. At a slit, `lower` is the lower edge.
-pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
+pub fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
     let (mut p, facing) = plain(a, t);
     let below = |slit: Slit| t > slit.row() || (t == slit.row() && lower);
     let front = smoothstep(0.0, 0.3, facing);
@@ -247,7 +247,7 @@ fn lips(mouth: f32, d: f32, lower: bool) -> f32 {
 }
 
 /// Returns a point behind an opening, at `depth` from the edge's point `edge` (0) to the end (1).
-pub(super) fn behind(slit: Slit, spot: &Spot, depth: f32, lids: Lids) -> Vec3 {
+pub fn behind(slit: Slit, spot: &Spot, depth: f32, lids: Lids) -> Vec3 {
     let edge = skin(spot.a, spot.t, spot.lower, lids);
     match slit {
         Slit::Eye => socket(edge, skin(spot.a, spot.t, spot.lower, Lids::REST), depth),

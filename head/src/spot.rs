@@ -1,8 +1,8 @@
 //! What a vertex of the net is: its part, its place in the net, the opening that it lies behind.
 
 /// The part that a vertex belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
+#[derive(Clone, Copy, PartialEq)]
+pub enum Part {
     Skin,
     Eye,
     UpperTeeth,
@@ -11,8 +11,8 @@ pub(super) enum Part {
 }
 
 /// An opening of the skin, along which a row has a lower and an upper side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Slit {
+#[derive(Clone, Copy, PartialEq)]
+pub enum Slit {
     Eye,
     Ear,
     Mouth,
@@ -20,7 +20,7 @@ pub(super) enum Slit {
 
 impl Slit {
     /// Returns the section along which it lies.
-    pub(super) const fn row(self) -> f32 {
+    pub const fn row(self) -> f32 {
         match self {
             Self::Eye => 7.0,
             Self::Ear => 8.0,
@@ -29,7 +29,7 @@ impl Slit {
     }
 
     /// Returns the number of rings behind an opening with `around` vertices at its edge.
-    pub(super) fn rings(self, around: usize) -> usize {
+    pub fn rings(self, around: usize) -> usize {
         match self {
             Self::Eye => (around / 3).clamp(2, 10),
             Self::Ear => (around / 2).max(2),
@@ -39,8 +39,8 @@ impl Slit {
 }
 
 /// Position of a vertex in the net.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Spot {
+#[derive(Clone, Copy)]
+pub struct Spot {
     pub part: Part,
     /// It is on the head's right side; all other fields describe its mirror image.
     pub mirrored: bool,

@@ -135,7 +135,7 @@ fn arkit() -> Vec<Expression> {
 }
 
 /// Returns the names of the first `count` targets.
-pub(super) fn names(count: usize) -> Vec<String> {
+pub fn names(count: usize) -> Vec<String> {
     let arkit = arkit();
     let details = (arkit.len()..count).map(|i| format!("detail_{:03}", i + 1));
     arkit.iter().map(|e| e.name.clone()).chain(details).take(count).collect()
@@ -165,7 +165,7 @@ fn detail(seed: u64, i: usize, spots: &[Spot], positions: &[Vec3]) -> Expression
 }
 
 /// Makes all targets of the head with the base pose `positions`.
-pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Vec<MorphTarget> {
+pub fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Vec<MorphTarget> {
     let mut arkit = arkit().into_iter();
     let part = |(i, name): (usize, String)| {
         // A random stream for each target, so that it does not depend on the number of others.

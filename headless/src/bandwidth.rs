@@ -2,15 +2,15 @@
 
 use super::Headless;
 use super::wait::full_barrier;
+use crate::abi::modules::READ;
+use crate::abi::numbers::WORKGROUP;
+use crate::abi::push::ReadPush;
+use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::memory::Buffer;
+use crate::gpu::pipelines::{Objects, Workgroups};
+use crate::gpu::statistics::MemoryKind;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::READ;
-use deltamorph::internals::abi::numbers::WORKGROUP;
-use deltamorph::internals::abi::push::ReadPush;
-use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
-use deltamorph::internals::gpu::memory::Buffer;
-use deltamorph::internals::gpu::pipelines::{Objects, Workgroups};
-use deltamorph::internals::gpu::statistics::MemoryKind;
 
 /// Bandwidth in GB/s (10⁹ bytes).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,8 +25,8 @@ pub struct Bandwidth {
 const INVOCATIONS: u32 = 256 * 1024;
 
 /// A compute pass that reads a buffer, and another buffer.
-pub(super) struct Reading {
-    pub(super) objects: Objects,
+pub struct Reading {
+    pub objects: Objects,
     sets: Sets,
     from: Buffer,
     to: Buffer,
@@ -35,7 +35,7 @@ pub(super) struct Reading {
 
 impl Reading {
     /// Makes the buffers, of which the first is written.
-    pub(super) fn new(headless: &Headless, bytes: u64) -> Result<Self> {
+    pub fn new(headless: &Headless, bytes: u64) -> Result<Self> {
         let device = headless.engine.device();
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
@@ -57,7 +57,7 @@ impl Reading {
     }
 
     /// Records the pass.
-    pub(super) fn read(&self, cmd: vk::CommandBuffer) {
+    pub fn read(&self, cmd: vk::CommandBuffer) {
         let push = ReadPush { count: (self.bytes / 16) as u32, stride: INVOCATIONS };
         let workgroups = Workgroups::Of([INVOCATIONS / WORKGROUP, 1]);
         // SAFETY: recording; pipeline, layout and set are ours and fit each other.

@@ -6,8 +6,8 @@ mod read;
 use super::Headless;
 use super::draw::{Draws, PoseDraw};
 use super::submit::Readback;
+use crate::plan::schedule::Entry;
 use deltamorph::ash::vk;
-use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::{
     AnimationDesc, Crowd, CrowdDesc, Error, GpuMesh, PackedMesh, Playback, PoseReadback, Result, Ticket, Update,
 };

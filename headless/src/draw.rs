@@ -3,12 +3,12 @@
 use super::Headless;
 use super::submit::Readback;
 use super::wait::full_barrier;
+use crate::abi::modules::{CONSUME, CONSUME_POSITION};
+use crate::gpu::device::Device;
+use crate::gpu::memory::Buffer;
+use crate::gpu::pipelines::Objects;
+use crate::gpu::statistics::MemoryKind;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::{CONSUME, CONSUME_POSITION};
-use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::memory::Buffer;
-use deltamorph::internals::gpu::pipelines::Objects;
-use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{DeltaFormat, Error, PackedLayout, PoseFormat, Result};
 use std::iter::repeat_n;
 use std::sync::Arc;
@@ -36,14 +36,14 @@ impl Draws {
 }
 
 /// Draws that read poses as vertex attributes and discard every primitive, to measure the cost of reading them.
-pub(super) struct PoseDraw {
+pub struct PoseDraw {
     /// Pipelines: one that reads whole vertices, one that reads positions.
     objects: Objects,
 }
 
 impl PoseDraw {
     /// Makes draws for poses of a format.
-    pub(super) fn new(device: &Arc<Device>, pose: PoseFormat) -> Result<Self> {
+    pub fn new(device: &Arc<Device>, pose: PoseFormat) -> Result<Self> {
         let mut objects = Objects::none(device);
         objects.add_layout(&[CONSUME.row], 0)?;
         objects.add_empty_render_pass()?;
@@ -58,7 +58,7 @@ impl PoseDraw {
 
     /// Draws `vertices` vertices, or their `positions` alone, of each pose, given by its buffer and offset. `cmd` is
     /// recording outside a render pass, and the poses are ready for vertex-attribute reads.
-    pub(super) fn record(
+    pub fn record(
         &self,
         cmd: vk::CommandBuffer,
         poses: impl Iterator<Item = (vk::Buffer, u64)>,

@@ -1,11 +1,11 @@
 //! Images used as textures, attachments and pictures, each with its memory and its views; and passes over them.
 
+use crate::gpu::allocation::Memory;
+use crate::gpu::device::Device;
+use crate::gpu::memory::sharing;
+use crate::gpu::statistics::MemoryKind;
 use deltamorph::ash::vk;
 use deltamorph::gpu_allocator::vulkan::AllocationScheme;
-use deltamorph::internals::gpu::allocation::Memory;
-use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::memory::sharing;
-use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{Error, Result};
 use std::ops::Range;
 use std::slice::from_ref;

@@ -1,5 +1,5 @@
 //! A Vulkan instance, device and queue without a window, and crowds that are updated, timed, drawn and read back on
-//! them: for the command line, examples, tests and benches. Hosts of deltamorph use their own device instead.
+//! them: for the command line, examples and tests. Hosts of deltamorph use their own device instead.
 
 mod bandwidth;
 mod crowd;
@@ -19,8 +19,9 @@ pub use image::{Image, ImageDesc, framebuffer, render_pass};
 #[doc(hidden)]
 pub use wait::wait_idle;
 
+use crate::gpu::tuning::DeviceTuning;
 use deltamorph::ash::{self, vk};
-use deltamorph::internals::gpu::tuning::DeviceTuning;
+use deltamorph::internals::{abi, gpu, plan};
 use deltamorph::{DeviceCaps, DeviceDesc, Error, GpuMesh, MorphEngine, Result};
 use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
@@ -435,9 +436,10 @@ fn choose(
             DeviceChoice::Index(i) => format!("no Vulkan device {i}"),
             DeviceChoice::Name(name) => format!("no Vulkan device called '{name}'"),
         };
-        match names.is_empty() {
-            true => no_device(&what),
-            false => Error::invalid(what, format!("choose one of: {}", names.join("; "))),
+        if names.is_empty() {
+            no_device(&what)
+        } else {
+            Error::invalid(what, format!("choose one of: {}", names.join("; ")))
         }
     })
 }

@@ -9,14 +9,14 @@ use std::cell::Cell;
 use std::time::{Duration, Instant};
 
 /// Work that runs before what is timed; see [`Headless::keep_clocks_up`].
-pub(super) struct Load {
+pub struct Load {
     reading: Reading,
     /// Duration of a pass.
     pass: Duration,
     /// When what was timed last had ended.
     ended: Cell<Instant>,
     /// Milliseconds of the load before it: recording and running.
-    pub(super) ms: Cell<f64>,
+    pub ms: Cell<f64>,
 }
 
 /// Of the load: what remains in the caches of a GPU, beside what is timed.
@@ -28,7 +28,7 @@ const LEAST: Duration = Duration::from_millis(2);
 
 impl Load {
     /// Records work for half as long as the device had none.
-    pub(super) fn record(&self, cmd: vk::CommandBuffer) {
+    pub fn record(&self, cmd: vk::CommandBuffer) {
         let begun = Instant::now();
         let time = (self.ended.get().elapsed() / 2).clamp(LEAST, SETTLING);
         let passes = time.as_nanos().div_ceil(self.pass.as_nanos().max(1));
@@ -38,7 +38,7 @@ impl Load {
     }
 
     /// Ends what was timed; `ms`: how long the device worked before.
-    pub(super) fn end(&self, ms: f64) {
+    pub fn end(&self, ms: f64) {
         self.ms.set(self.ms.get() + ms);
         self.ended.set(Instant::now());
     }

@@ -2,10 +2,10 @@
 
 use super::load::Load;
 use super::wait::{full_barrier, wait_idle};
+use crate::gpu::device::Device;
+use crate::gpu::memory::Buffer;
+use crate::gpu::statistics::MemoryKind;
 use deltamorph::ash::{self, vk};
-use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::memory::Buffer;
-use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{Error, Result};
 use std::cell::{Cell, OnceCell};
 use std::sync::Arc;
@@ -16,17 +16,17 @@ const BEFORE_LOAD: u32 = 3;
 
 /// Runs command buffers on a queue and waits for them. Queue, pool and fence are used through `&self` without a lock,
 /// so it must not be shared between threads; the cell prevents that.
-pub(super) struct Submitter {
-    pub(super) device: ash::Device,
+pub struct Submitter {
+    pub device: ash::Device,
     /// The queue and its family.
-    pub(super) queue: (vk::Queue, u32),
+    pub queue: (vk::Queue, u32),
     pool: vk::CommandPool,
     /// The command buffer that `run` records into; taken while `run` is recording, so that a nested `run` allocates
     /// another.
     cmd: Cell<Option<vk::CommandBuffer>>,
     fence: vk::Fence,
     /// Work before what is timed.
-    pub(super) load: OnceCell<Load>,
+    pub load: OnceCell<Load>,
     queries: Option<vk::QueryPool>,
     /// Valid bits of a timestamp.
     mask: u64,
@@ -36,7 +36,7 @@ pub(super) struct Submitter {
 
 impl Submitter {
     /// Makes a submitter with timestamps of this many bits, in units of nanoseconds; without timestamps if either is 0.
-    pub(super) fn new(device: &ash::Device, family: u32, (timestamp_bits, nanoseconds): (u32, f32)) -> Result<Self> {
+    pub fn new(device: &ash::Device, family: u32, (timestamp_bits, nanoseconds): (u32, f32)) -> Result<Self> {
         let info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
@@ -62,7 +62,7 @@ impl Submitter {
     }
 
     /// Allocates a further command buffer, freed with the submitter.
-    pub(super) fn allocate(&self) -> Result<vk::CommandBuffer> {
+    pub fn allocate(&self) -> Result<vk::CommandBuffer> {
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         // SAFETY: the pool is ours.
         let made = unsafe { self.device.allocate_command_buffers(&info) };
@@ -71,11 +71,7 @@ impl Submitter {
 
     /// Records a command buffer. Beginning resets it, unless it is still recording: a buffer left in that state by a
     /// panic is not used again.
-    pub(super) fn record<R>(
-        &self,
-        cmd: vk::CommandBuffer,
-        f: impl FnOnce(vk::CommandBuffer) -> Result<R>,
-    ) -> Result<R> {
+    pub fn record<R>(&self, cmd: vk::CommandBuffer, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is from our pool, which allows resets, and is not pending: `submit` waits.
         unsafe { self.device.begin_command_buffer(cmd, &info) }.map_err(Error::vulkan("vkBeginCommandBuffer"))?;
@@ -87,7 +83,7 @@ impl Submitter {
 
     /// Submits and waits. After an error nothing has run, or the device is lost or cannot be waited for
     /// ([`wait_idle`]).
-    pub(super) fn submit(&self, cmds: &[vk::CommandBuffer]) -> Result<()> {
+    pub fn submit(&self, cmds: &[vk::CommandBuffer]) -> Result<()> {
         let info = [vk::SubmitInfo::default().command_buffers(cmds)];
         // SAFETY: the buffers were recorded by us and are not pending; the fence is ours and in no queue.
         unsafe {
@@ -103,7 +99,7 @@ impl Submitter {
     }
 
     /// Records, submits and waits.
-    pub(super) fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
+    pub fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
         let cmd = self.cmd.take().map_or_else(|| self.allocate(), Ok)?;
         let recorded = self.record(cmd, f);
         if recorded.is_ok() {
@@ -116,7 +112,7 @@ impl Submitter {
 
     /// [`run`](Self::run) that also returns device times in milliseconds, if the device has timestamps: of the commands
     /// that `f` records before it calls its second argument (at most once), and of those after.
-    pub(super) fn run_timed<R>(
+    pub fn run_timed<R>(
         &self,
         f: impl FnOnce(vk::CommandBuffer, &dyn Fn()) -> Result<R>,
     ) -> Result<(R, [Option<f64>; 2])> {
@@ -183,20 +179,20 @@ impl Drop for Submitter {
 }
 
 /// Host memory that device buffers are copied to.
-pub(super) struct Readback {
+pub struct Readback {
     buffer: Buffer,
     bytes: u64,
 }
 
 impl Readback {
     /// Makes memory for `bytes` bytes, a multiple of 4 (≥ 4).
-    pub(super) fn new(device: &Arc<Device>, bytes: u64) -> Result<Self> {
+    pub fn new(device: &Arc<Device>, bytes: u64) -> Result<Self> {
         let (usage, kind) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryKind::Readback);
         Ok(Self { buffer: Buffer::new(device, "readback", bytes, usage, kind)?, bytes })
     }
 
     /// Reads `size` bytes of `buffer`, which is not in use, from `offset` on.
-    pub(super) fn read<T: bytemuck::Pod>(
+    pub fn read<T: bytemuck::Pod>(
         &mut self,
         submitter: &Submitter,
         (buffer, offset, size): (vk::Buffer, u64, u64),

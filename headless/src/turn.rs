@@ -11,14 +11,14 @@ static OWNER: Mutex<Option<(ThreadId, usize)>> = Mutex::new(None);
 static FREE: Condvar = Condvar::new();
 
 /// The right to have the layers loaded. Other threads wait until it is dropped; the thread that holds it does not.
-pub(super) struct Turn(());
+pub struct Turn(());
 
 fn owner() -> MutexGuard<'static, Option<(ThreadId, usize)>> {
     OWNER.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Turn {
-    pub(super) fn wait() -> Self {
+    pub fn wait() -> Self {
         let me = current().id();
         let others = |owner: &mut Option<(ThreadId, usize)>| owner.is_some_and(|(thread, _)| thread != me);
         let mut owner = FREE.wait_while(owner(), others).unwrap_or_else(PoisonError::into_inner);

@@ -34,7 +34,7 @@ fn again(mut wait: impl FnMut() -> Result<(), vk::Result>, pause: Duration) -> R
 }
 
 /// Records a global memory barrier from all earlier commands to the stages `next`.
-pub(super) fn full_barrier(device: &ash::Device, cmd: vk::CommandBuffer, next: vk::PipelineStageFlags) {
+pub fn full_barrier(device: &ash::Device, cmd: vk::CommandBuffer, next: vk::PipelineStageFlags) {
     let memory = [vk::MemoryBarrier::default()
         .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
         .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];

@@ -57,7 +57,7 @@ impl View {
 }
 
 /// Returns a direction in the system of `axes`: degrees to the right and up, from the direction towards the camera.
-pub(crate) fn direction(axes: [Vec3; 3], yaw: f32, pitch: f32) -> Vec3 {
+pub fn direction(axes: [Vec3; 3], yaw: f32, pitch: f32) -> Vec3 {
     let ((sin, cos), (up, level)) = (yaw.to_radians().sin_cos(), pitch.to_radians().sin_cos());
     axes[0] * (sin * level) + axes[1] * up + axes[2] * (cos * level)
 }

@@ -17,7 +17,7 @@ const PLANES: [Vec4; 6] = [
 const MARGIN: f32 = 2e-3;
 
 /// Returns whether all of `bounds` is on the outer side of one plane of the clip volume.
-pub(crate) fn is_outside(clip: &Mat4, bounds: &Bounds) -> bool {
+pub fn is_outside(clip: &Mat4, bounds: &Bounds) -> bool {
     let low = Vec3::from(bounds.min);
     let high = Vec3::from(bounds.max);
     let corner = |i: u32| Vec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
@@ -26,7 +26,7 @@ pub(crate) fn is_outside(clip: &Mat4, bounds: &Bounds) -> bool {
 }
 
 /// Bounds of the poses of a crowd from their weights, for [`Head::bounds`](crate::Head::bounds).
-pub(crate) struct PoseBounds {
+pub struct PoseBounds {
     of_weights: WeightBounds,
     /// Upper bound of the distance between an updated pose and the exact pose of its weights.
     drift: f32,
@@ -37,18 +37,18 @@ impl PoseBounds {
     ///
     /// # Errors
     /// Those of [`WeightBounds::new`].
-    pub(crate) fn new(mesh: &PackedMesh, update: &UpdateDesc) -> Result<Self> {
+    pub fn new(mesh: &PackedMesh, update: &UpdateDesc) -> Result<Self> {
         // Dense updates do not report their drift.
         Ok(Self { of_weights: WeightBounds::new(mesh, update)?, drift: 1e-5 * mesh.layout().diagonal })
     }
 
     /// Follows a recorded update.
-    pub(crate) fn updated(&mut self, stats: &UpdateStats) {
+    pub fn updated(&mut self, stats: &UpdateStats) {
         self.drift = self.drift.max(stats.bound);
     }
 
     /// Returns the bounds of the pose of an instance with these weights.
-    pub(crate) fn of(&self, weights: &[f32]) -> Bounds {
+    pub fn of(&self, weights: &[f32]) -> Bounds {
         self.of_weights.of(weights, self.drift)
     }
 }

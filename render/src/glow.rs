@@ -9,19 +9,19 @@ const PIECE: u32 = 32;
 /// Brightness of each piece of 32 vertices of a head, in the order of pose buffers: 1 after an update that changed the
 /// piece, then fading.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Glow {
+pub struct Glow {
     pieces: Vec<f32>,
 }
 
 impl Glow {
     /// Makes the glow of a head of the mesh with this `layout`, all dark.
-    pub(crate) fn new(layout: &PackedLayout) -> Self {
+    pub fn new(layout: &PackedLayout) -> Self {
         Self { pieces: vec![0.0; layout.padded_vertices().div_ceil(PIECE as usize)] }
     }
 
     /// Brightens the vertices that an update changed ([`Crowd::changed`](deltamorph::Crowd::changed)). Pieces changed
     /// before keep the share `kept` of their brightness, 0 to 1.
-    pub(crate) fn update(&mut self, changed: &[Range<u32>], kept: f32) {
+    pub fn update(&mut self, changed: &[Range<u32>], kept: f32) {
         self.pieces.iter_mut().for_each(|piece| *piece *= kept);
         for vertices in changed {
             let most = self.pieces.len();
@@ -32,7 +32,7 @@ impl Glow {
     }
 
     /// Returns the brightness of each piece, 0 to 1.
-    pub(crate) fn pieces(&self) -> &[f32] {
+    pub fn pieces(&self) -> &[f32] {
         &self.pieces
     }
 }

@@ -108,17 +108,17 @@ impl Heads {
         let HeadsDesc { count, update, recompute_normals, still, cull, .. } = *desc;
         let path = update.path;
         if path.evaluates_in_draws() {
-            return Err(Error::Invalid {
-                what: format!("the path '{}' evaluates poses in its own draws, and has none to draw", path.name()),
-                remedy: "use blocks, compute or cpu".into(),
-            });
+            return Err(Error::invalid(
+                format!("the path '{}' evaluates poses in its own draws, and has none to draw", path.name()),
+                "use blocks, compute or cpu",
+            ));
         }
         let masks = MaskPlace::of(packed);
         if recompute_normals && (path == UpdatePath::Cpu || masks.is_some() && update.pose.has_integers()) {
-            return Err(Error::Invalid {
-                what: format!("recomputed normals of {} poses on the path '{}'", update.pose.name(), path.name()),
-                remedy: "use a path on the device, and float32 poses where there are wrinkle masks".into(),
-            });
+            return Err(Error::invalid(
+                format!("recomputed normals of {} poses on the path '{}'", update.pose.name(), path.name()),
+                "use a path on the device, and float32 poses where there are wrinkle masks",
+            ));
         }
         let engine = headless.engine();
         // SAFETY: `upload` hands out a recording buffer of the engine's device, and waits for it.
@@ -182,10 +182,10 @@ impl Heads {
         weights: &[impl AsRef<[f32]>],
     ) -> Result<Updated> {
         if weights.len() != self.desc.count as usize {
-            return Err(Error::Invalid {
-                what: format!("{} poses for {} heads", weights.len(), self.desc.count),
-                remedy: "give the weights of every head".into(),
-            });
+            return Err(Error::invalid(
+                format!("{} poses for {} heads", weights.len(), self.desc.count),
+                "give the weights of every head",
+            ));
         }
         let (stats, ticket) = match &mut self.poses {
             Poses::Device(crowd) => {
@@ -265,16 +265,16 @@ impl Heads {
         background: [f32; 4],
     ) -> Result<[usize; 2]> {
         if places.len() != self.desc.count as usize {
-            return Err(Error::Invalid {
-                what: format!("{} places for {} heads", places.len(), self.desc.count),
-                remedy: "give one for every head".into(),
-            });
+            return Err(Error::invalid(
+                format!("{} places for {} heads", places.len(), self.desc.count),
+                "give one for every head",
+            ));
         }
         if scene.show == Show::Wrinkles && self.masks.is_none() {
-            return Err(Error::Invalid {
-                what: "wrinkles of a mesh without masks".into(),
-                remedy: "add masks with wrinkles::add before the mesh is packed".into(),
-            });
+            return Err(Error::invalid(
+                "wrinkles of a mesh without masks",
+                "add masks with wrinkles::add before the mesh is packed",
+            ));
         }
         if scene.show == Show::Blocks {
             for (head, glow) in self.glow.iter().enumerate() {

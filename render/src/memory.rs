@@ -9,7 +9,7 @@ use deltamorph_headless::{Image, ImageDesc};
 use std::sync::Arc;
 
 /// Makes a buffer of `bytes`, all 0, that the host writes, or reads after copies to it.
-pub(crate) fn buffer(gpu: &Arc<Device>, bytes: usize, usage: vk::BufferUsageFlags) -> Result<Buffer> {
+pub fn buffer(gpu: &Arc<Device>, bytes: usize, usage: vk::BufferUsageFlags) -> Result<Buffer> {
     let read = usage.contains(vk::BufferUsageFlags::TRANSFER_DST);
     let kind = if read { MemoryKind::Readback } else { MemoryKind::Lists };
     let mut buffer = Buffer::new(gpu, "deltamorph renderer", bytes as u64, usage, kind)?;
@@ -18,7 +18,7 @@ pub(crate) fn buffer(gpu: &Arc<Device>, bytes: usize, usage: vk::BufferUsageFlag
 }
 
 /// Makes a buffer with these contents.
-pub(crate) fn filled(gpu: &Arc<Device>, contents: &[u8], usage: vk::BufferUsageFlags) -> Result<Buffer> {
+pub fn filled(gpu: &Arc<Device>, contents: &[u8], usage: vk::BufferUsageFlags) -> Result<Buffer> {
     let mut buffer = buffer(gpu, contents.len(), usage)?;
     write(&mut buffer, 0, contents)?;
     Ok(buffer)
@@ -28,13 +28,13 @@ pub(crate) fn filled(gpu: &Arc<Device>, contents: &[u8], usage: vk::BufferUsageF
 ///
 /// # Panics
 /// If the buffer is too small.
-pub(crate) fn write(buffer: &mut Buffer, offset: usize, contents: &[u8]) -> Result<()> {
+pub fn write(buffer: &mut Buffer, offset: usize, contents: &[u8]) -> Result<()> {
     buffer.mapped()?[offset..][..contents.len()].copy_from_slice(contents);
     Ok(())
 }
 
 /// Makes an image with a view of it.
-pub(crate) fn image(
+pub fn image(
     gpu: &Arc<Device>,
     extent: vk::Extent2D,
     format: vk::Format,

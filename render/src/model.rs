@@ -12,30 +12,30 @@ use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
 
 /// An uploaded mesh, with the data to draw it.
-pub(crate) struct Model {
-    pub(crate) indices: Buffer,
+pub struct Model {
+    pub indices: Buffer,
     /// Two vertices for each edge of a face.
-    pub(crate) edges: (Buffer, u32),
+    pub edges: (Buffer, u32),
     /// Float32 position and normal of each vertex as it is without weights, in the order of poses.
-    pub(crate) rest: Buffer,
-    pub(crate) parts: Vec<Drawn>,
+    pub rest: Buffer,
+    pub parts: Vec<Drawn>,
     /// Middle of the box around the drawn part of the base pose, and half its diagonal.
-    pub(crate) middle: Vec4,
+    pub middle: Vec4,
     /// Vertices per block; for dense formats, of the mesh.
-    pub(crate) block: u32,
+    pub block: u32,
     /// Parts that nothing moves.
-    pub(crate) still: Option<Box<Model>>,
+    pub still: Option<Box<Model>>,
     /// Of still parts: their vertices as a pose in the renderer's format.
     stands: Option<(Buffer, Scale)>,
 }
 
 /// A part, as a range of the index buffer.
-pub(crate) struct Drawn {
-    pub(crate) indices: Range<u32>,
-    pub(crate) material: crate::Material,
-    pub(crate) ball: Option<Vec4>,
-    pub(crate) colour: [f32; 3],
-    pub(crate) double_sided: bool,
+pub struct Drawn {
+    pub indices: Range<u32>,
+    pub material: crate::Material,
+    pub ball: Option<Vec4>,
+    pub colour: [f32; 3],
+    pub double_sided: bool,
 }
 
 impl Model {
@@ -47,12 +47,7 @@ impl Model {
     ///
     /// # Safety
     /// The model is dropped only when no commands recorded with it are still to run.
-    pub(crate) unsafe fn new(
-        renderer: &Renderer,
-        mesh: &KeptMesh,
-        layout: &PackedLayout,
-        parts: &[Part],
-    ) -> Result<Self> {
+    pub unsafe fn new(renderer: &Renderer, mesh: &KeptMesh, layout: &PackedLayout, parts: &[Part]) -> Result<Self> {
         let places = places_of(mesh, layout)?;
         let padded = layout.padded_vertices();
         let block = layout.blocks.as_ref().map_or(padded.max(1), |blocks| blocks.size()) as u32;
@@ -63,7 +58,7 @@ impl Model {
     ///
     /// # Errors
     /// There is no memory.
-    pub(crate) fn set_still(&mut self, renderer: &Renderer, mesh: &KeptMesh, parts: &[Part]) -> Result<()> {
+    pub fn set_still(&mut self, renderer: &Renderer, mesh: &KeptMesh, parts: &[Part]) -> Result<()> {
         let count = mesh.vertex_count();
         let places: Vec<u32> = (0..count as u32).collect();
         let rest = at_rest(mesh, &places, count);
@@ -75,7 +70,7 @@ impl Model {
     }
 
     /// Returns a head as it is drawn with this model, of still parts.
-    pub(crate) fn standing(&self, head: &Head) -> Option<Head> {
+    pub fn standing(&self, head: &Head) -> Option<Head> {
         let (pose, scale) = self.stands.as_ref()?;
         let (buffer, offset) = (pose.raw, 0);
         // Whatever the numbers, the masks are 0.
@@ -157,21 +152,22 @@ fn stored(pose: PoseFormat, vertices: &[f32]) -> (Vec<u8>, Scale) {
         let exact = f64::from(*number) / f64::from(units[i % POSE_FLOATS]);
         exact.round() as i32
     });
-    let bytes = match is_16 {
-        true => integers.flat_map(|integer| (integer as i16).to_ne_bytes()).collect(),
-        false => integers.flat_map(i32::to_ne_bytes).collect(),
+    let bytes = if is_16 {
+        integers.flat_map(|integer| (integer as i16).to_ne_bytes()).collect()
+    } else {
+        integers.flat_map(i32::to_ne_bytes).collect()
     };
     (bytes, Scale { scale: units, offsets: [0.0; POSE_FLOATS] })
 }
 
 /// Returns the index of each vertex of a mesh in the pose buffers of its packed mesh.
-pub(crate) fn places_of(mesh: &KeptMesh, layout: &PackedLayout) -> Result<Vec<u32>> {
+pub fn places_of(mesh: &KeptMesh, layout: &PackedLayout) -> Result<Vec<u32>> {
     let count = mesh.vertex_count();
     if count != layout.vertex_count {
-        return Err(Error::Invalid {
-            what: format!("a mesh of {count} vertices, and the layout of one of {}", layout.vertex_count),
-            remedy: "give the layout of the packed mesh".into(),
-        });
+        return Err(Error::invalid(
+            format!("a mesh of {count} vertices, and the layout of one of {}", layout.vertex_count),
+            "give the layout of the packed mesh",
+        ));
     }
     let mut places: Vec<u32> = (0..count as u32).collect();
     layout.remap_indices(&mut places)?;

@@ -4,13 +4,13 @@
 use deltamorph::{Error, PoseFormat, Result};
 
 /// The vertex modules for poses of one format.
-pub(crate) struct Modules {
-    pub(crate) face: &'static [u8],
+pub struct Modules {
+    pub face: &'static [u8],
     /// With the previous pose as additional input.
-    pub(crate) motion: &'static [u8],
+    pub motion: &'static [u8],
     /// With wrinkle masks as additional input.
-    pub(crate) masks: &'static [u8],
-    pub(crate) shadow: &'static [u8],
+    pub masks: &'static [u8],
+    pub shadow: &'static [u8],
 }
 
 macro_rules! modules {
@@ -24,15 +24,17 @@ macro_rules! modules {
     };
 }
 
-pub(crate) const FRAGMENT: &[u8] = include_bytes!("../spirv/face.frag.spv");
+pub const FRAGMENT: &[u8] = include_bytes!("../spirv/face.frag.spv");
 
 const MODULES: [(&str, Modules); 3] =
     [("float32", modules!("float32")), ("fixed32", modules!("fixed32")), ("fixed16", modules!("fixed16"))];
 
 /// Returns the modules for poses of a format.
-pub(crate) fn of(pose: PoseFormat) -> Result<&'static Modules> {
-    MODULES.iter().find(|(name, _)| *name == pose.decoder()).map(|(_, modules)| modules).ok_or_else(|| Error::Invalid {
-        what: format!("there are no shaders that draw {} poses", pose.name()),
-        remedy: "add the format to src/modules.rs of deltamorph-render".into(),
+pub fn of(pose: PoseFormat) -> Result<&'static Modules> {
+    MODULES.iter().find(|(name, _)| *name == pose.decoder()).map(|(_, modules)| modules).ok_or_else(|| {
+        Error::invalid(
+            format!("there are no shaders that draw {} poses", pose.name()),
+            "add the format to src/modules.rs of deltamorph-render",
+        )
     })
 }

@@ -13,7 +13,7 @@ use std::sync::Arc;
 const VERTEX: usize = 24;
 
 /// The vertices that are drawn in place of the poses.
-pub(crate) struct Normals {
+pub struct Normals {
     output: Buffer,
     /// Bytes per head.
     size: usize,
@@ -21,7 +21,7 @@ pub(crate) struct Normals {
 
 impl Normals {
     /// Has all updates of `crowd` write normals of the surface.
-    pub(crate) fn new(headless: &Headless, gpu: &Arc<Device>, packed: &PackedMesh, crowd: &mut Crowd) -> Result<Self> {
+    pub fn new(headless: &Headless, gpu: &Arc<Device>, packed: &PackedMesh, crowd: &mut Crowd) -> Result<Self> {
         let engine = headless.engine();
         let heads = crowd.desc().instances as usize;
         let size = VERTEX * packed.layout().vertex_count;
@@ -44,7 +44,7 @@ impl Normals {
     }
 
     /// Returns the head with these vertices in place of its pose.
-    pub(crate) fn head(&self, number: usize, head: Head) -> Head {
+    pub fn head(&self, number: usize, head: Head) -> Head {
         let buffer = self.output.raw;
         let offset = (number * self.size) as u64;
         Head { buffer, offset, scale: Scale::ONE, previous: (buffer, offset), ..head }

@@ -7,11 +7,11 @@ use deltamorph_headless::render_pass;
 use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
 
 /// Edge of the shadow map, in texels.
-pub(crate) const SHADOW_EDGE: u32 = 1024;
-pub(crate) const SHADOW_FORMAT: vk::Format = vk::Format::D16_UNORM;
+pub const SHADOW_EDGE: u32 = 1024;
+pub const SHADOW_FORMAT: vk::Format = vk::Format::D16_UNORM;
 /// Format of pictures: shaders write linear colours, and images store sRGB.
-pub(crate) const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
-pub(crate) const SAMPLES: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_4;
+pub const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
+pub const SAMPLES: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_4;
 
 const OUTSIDE: u32 = vk::SUBPASS_EXTERNAL;
 const ONE: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_1;
@@ -34,7 +34,7 @@ fn reference(attachment: u32, layout: Layout) -> vk::AttachmentReference {
 }
 
 /// Makes the shadow pass: depth as seen from the key light, to be read by fragment shaders.
-pub(crate) fn shadow(gpu: &Device) -> Result<vk::RenderPass> {
+pub fn shadow(gpu: &Device) -> Result<vk::RenderPass> {
     let attachments = [attachment(SHADOW_FORMAT, ONE, KEEP, Layout::DEPTH_STENCIL_READ_ONLY_OPTIMAL)];
     let depth = reference(0, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
     let subpass = vk::SubpassDescription::default().depth_stencil_attachment(&depth);
@@ -57,7 +57,7 @@ pub(crate) fn shadow(gpu: &Device) -> Result<vk::RenderPass> {
 }
 
 /// Makes the picture pass: multisampled colours and depth, resolved into an image that is left for copies.
-pub(crate) fn picture(gpu: &Device, depth_format: vk::Format) -> Result<vk::RenderPass> {
+pub fn picture(gpu: &Device, depth_format: vk::Format) -> Result<vk::RenderPass> {
     let attachments = [
         attachment(FORMAT, SAMPLES, DROP, Layout::COLOR_ATTACHMENT_OPTIMAL),
         attachment(depth_format, SAMPLES, DROP, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL),

@@ -37,7 +37,7 @@ impl Renderer {
     ///   shown; no commands recorded with the target before are still to run.
     /// - The poses are of the renderer's format and of the model's mesh, tightly packed, ready for vertex-attribute
     ///   reads, and alive until the commands have run.
-    pub(crate) unsafe fn record(
+    pub unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
         target: &mut Target,
@@ -177,7 +177,7 @@ type Draw = (vk::Pipeline, What, fn(&Drawn) -> bool);
 type Part<'a> = (Range<u32>, u32, Option<&'a Drawn>);
 
 /// The part of a head that is drawn.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq)]
 enum What {
     Shadows,
     Faces,

@@ -15,7 +15,7 @@ const POSE_LOCATION: u32 = 2;
 /// Location of the wrinkle masks, after all others.
 const MASK_LOCATION: u32 = 6;
 /// The binding of the wrinkle masks.
-pub(crate) const MASK_BINDING: u32 = 3;
+pub const MASK_BINDING: u32 = 3;
 
 /// The kind of geometry that a pipeline draws.
 #[derive(Clone, Copy)]
@@ -34,31 +34,31 @@ enum Drawn {
 type Input = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
 /// Draws poses of one format.
-pub(crate) struct Renderer {
-    pub(crate) gpu: Arc<Device>,
-    pub(crate) limits: vk::PhysicalDeviceLimits,
+pub struct Renderer {
+    pub gpu: Arc<Device>,
+    pub limits: vk::PhysicalDeviceLimits,
     /// Format of the poses that are drawn.
-    pub(crate) pose: PoseFormat,
+    pub pose: PoseFormat,
     /// Whether it draws [`Show::Wrinkles`](crate::Show::Wrinkles), which needs additional pipelines.
     masks: bool,
-    pub(crate) depth_format: vk::Format,
-    pub(crate) shadow_pass: vk::RenderPass,
-    pub(crate) pass: vk::RenderPass,
-    pub(crate) set_layout: vk::DescriptorSetLayout,
-    pub(crate) sampler: vk::Sampler,
-    pub(crate) layout: vk::PipelineLayout,
-    pub(crate) shadow: vk::Pipeline,
+    pub depth_format: vk::Format,
+    pub shadow_pass: vk::RenderPass,
+    pub pass: vk::RenderPass,
+    pub set_layout: vk::DescriptorSetLayout,
+    pub sampler: vk::Sampler,
+    pub layout: vk::PipelineLayout,
+    pub shadow: vk::Pipeline,
     /// For front faces, and for back faces. Both are visible, since meshes have openings; but most back faces are
     /// hidden, and are not shaded because they are drawn last.
-    pub(crate) shaded: [vk::Pipeline; 2],
+    pub shaded: [vk::Pipeline; 2],
     /// Like `shaded`, for everything but eyeballs, unless drawn in another way.
-    pub(crate) plain: [vk::Pipeline; 2],
+    pub plain: [vk::Pipeline; 2],
     /// Like `shaded`, with the previous pose.
-    pub(crate) motion: [vk::Pipeline; 2],
+    pub motion: [vk::Pipeline; 2],
     /// Like `shaded`, with wrinkle masks; null if the renderer was made without them.
-    pub(crate) wrinkled: [vk::Pipeline; 2],
+    pub wrinkled: [vk::Pipeline; 2],
     /// Like `shaded`, for lines.
-    pub(crate) lines: vk::Pipeline,
+    pub lines: vk::Pipeline,
 }
 
 impl Renderer {
@@ -71,7 +71,7 @@ impl Renderer {
     /// - The device outlives the renderer and all [models](crate::Model) and [targets](crate::Target) made with it.
     /// - The device has Vulkan 1.1.
     /// - A renderer, model or target is dropped only when no commands recorded with it are still to run.
-    pub(crate) unsafe fn new(headless: &Headless, pose: PoseFormat, masks: bool) -> Result<Self> {
+    pub unsafe fn new(headless: &Headless, pose: PoseFormat, masks: bool) -> Result<Self> {
         let (instance, physical, _) = headless.handles();
         // SAFETY: the physical device is the instance's.
         let limits = unsafe { instance.get_physical_device_properties(physical) }.limits;

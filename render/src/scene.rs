@@ -55,49 +55,49 @@ pub struct Scene {
 }
 
 /// A head to draw.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Head {
+#[derive(Clone, Copy)]
+pub struct Head {
     /// The buffer with its pose, as a vertex buffer.
-    pub(crate) buffer: vk::Buffer,
+    pub buffer: vk::Buffer,
     /// Offset of the pose in the buffer, in bytes.
-    pub(crate) offset: u64,
+    pub offset: u64,
     /// What its attributes stand for.
-    pub(crate) scale: Scale,
+    pub scale: Scale,
     /// Its transform: rotation, translation and a uniform scale.
-    pub(crate) place: Mat4,
+    pub place: Mat4,
     /// The buffer with its previous pose, or its pose if it does not move, and the offset there: for [`Show::Motion`].
-    pub(crate) previous: (vk::Buffer, u64),
+    pub previous: (vk::Buffer, u64),
     /// The wrinkle masks of the pose: for [`Show::Wrinkles`].
-    pub(crate) masks: Option<Masks>,
+    pub masks: Option<Masks>,
     /// Bounds of the pose, for culling; `None`: it is always drawn.
-    pub(crate) bounds: Option<Bounds>,
+    pub bounds: Option<Bounds>,
 }
 
 /// The wrinkle masks of a head's pose. The engine sums them like any stream of the mesh
 /// ([`wrinkles::add`](crate::wrinkles::add)).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Masks {
+#[derive(Clone, Copy)]
+pub struct Masks {
     /// The buffer with the masks, as a vertex buffer, with the stride and number format of the pose.
-    pub(crate) buffer: vk::Buffer,
+    pub buffer: vk::Buffer,
     /// Offset of the first mask in the buffer, in bytes.
-    pub(crate) offset: u64,
+    pub offset: u64,
     /// The values of the masks' numbers, and of number 0.
-    pub(crate) scale: [f32; 4],
+    pub scale: [f32; 4],
 }
 
 /// Values of vertex attributes: offset + attribute × scale ([`PoseView::units`](deltamorph::PoseView::units)).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Scale {
-    pub(crate) scale: [f32; POSE_FLOATS],
-    pub(crate) offsets: [f32; POSE_FLOATS],
+#[derive(Clone, Copy)]
+pub struct Scale {
+    pub scale: [f32; POSE_FLOATS],
+    pub offsets: [f32; POSE_FLOATS],
 }
 
 impl Scale {
     /// Of floats.
-    pub(crate) const ONE: Self = Self { scale: [1.0; POSE_FLOATS], offsets: [0.0; POSE_FLOATS] };
+    pub const ONE: Self = Self { scale: [1.0; POSE_FLOATS], offsets: [0.0; POSE_FLOATS] };
 
     /// Of two components from `first` on.
-    pub(crate) fn of_masks(&self, first: usize) -> [f32; 4] {
+    pub fn of_masks(&self, first: usize) -> [f32; 4] {
         [self.scale[first], self.scale[first + 1], self.offsets[first], self.offsets[first + 1]]
     }
 }
@@ -105,10 +105,10 @@ impl Scale {
 /// The block `Scene` of glsl/scene.glsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(crate) struct HeadScene {
-    pub(crate) clip: Mat4,
+pub struct HeadScene {
+    pub clip: Mat4,
     /// Maps x and y to 0..1 instead of −1..1.
-    pub(crate) shadow: Mat4,
+    pub shadow: Mat4,
     eye: Vec4,
     key: Vec4,
     fill: Vec4,
@@ -120,17 +120,17 @@ pub(crate) struct HeadScene {
 /// The block `Part` of glsl/scene.glsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(crate) struct PartPush {
-    pub(crate) ball: [f32; 4],
-    pub(crate) colour: [f32; 4],
-    pub(crate) scale: [f32; 4],
-    pub(crate) offset: [f32; 4],
-    pub(crate) mask_scale: [f32; 4],
-    pub(crate) material: u32,
+pub struct PartPush {
+    pub ball: [f32; 4],
+    pub colour: [f32; 4],
+    pub scale: [f32; 4],
+    pub offset: [f32; 4],
+    pub mask_scale: [f32; 4],
+    pub material: u32,
     /// Index of the head's first number in `told`; the largest number: there are none.
-    pub(crate) first_told: u32,
-    pub(crate) block: u32,
-    pub(crate) unused: u32,
+    pub first_told: u32,
+    pub block: u32,
+    pub unused: u32,
 }
 
 impl Scene {

@@ -59,10 +59,10 @@ impl<'a> Studio<'a> {
             // SAFETY: `run` hands out a recording buffer, submits it once, and waits; else the update is discarded.
             updated = Some(unsafe { heads.update(headless.engine(), cmd, weights) }?);
             if scene.show == Show::Motion && !heads.has_previous()? {
-                return Err(Error::Invalid {
-                    what: "the previous pose, which the update has overwritten, or which has recomputed normals".into(),
-                    remedy: "use two slots or more, three on the path feedback, and the normals of targets".into(),
-                });
+                return Err(Error::invalid(
+                    "the previous pose, which the update has overwritten, or which has recomputed normals",
+                    "use two slots or more, three on the path feedback, and the normals of targets",
+                ));
             }
             // SAFETY: as above, after the update; the target is that of the heads, and is copied after the draws.
             unsafe {

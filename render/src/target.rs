@@ -66,10 +66,10 @@ impl Target {
         let most = renderer.limits.max_image_dimension2_d.min(renderer.limits.max_framebuffer_width);
         let [width, height] = size;
         if width == 0 || height == 0 || width.max(height) > most {
-            return Err(Error::Invalid {
-                what: format!("a picture of {width} × {height} pixels"),
-                remedy: format!("the device draws 1 to {most} pixels across and down"),
-            });
+            return Err(Error::invalid(
+                format!("a picture of {width} × {height} pixels"),
+                format!("the device draws 1 to {most} pixels across and down"),
+            ));
         }
         let extent = vk::Extent2D { width, height };
         let depth = Usage::DEPTH_STENCIL_ATTACHMENT;

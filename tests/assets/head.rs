@@ -22,15 +22,14 @@ fn fingerprint(source: &Mesh) -> u64 {
 
 #[test]
 fn the_number_of_vertices_is_exact() {
-    for n in (1..120).chain([255, 419, 1000, 2694, 4097, 43_788]) {
+    for n in (5..120).chain([255, 419, 1000, 2694, 4097, 43_788]) {
         let source = head(&desc(n, 3, 0.3));
         assert_eq!(source.positions.len(), n);
         let mesh = source.kept(Tolerance::default()).unwrap();
         assert_eq!(mesh.targets.len(), 3);
-        assert_eq!(mesh.faces.sizes.is_empty(), n < 3, "{n}");
         let mut used = vec![false; n];
         mesh.faces.corners.iter().for_each(|c| used[c.position as usize] = true);
-        assert!(n < 3 || used.iter().all(|u| *u), "{n}: a vertex without a face");
+        assert!(used.iter().all(|u| *u), "{n}: a vertex without a face");
     }
 }
 
@@ -85,7 +84,7 @@ fn targets_move_the_fraction_that_was_asked_for() {
 fn values_out_of_range_are_clamped() {
     for sparsity in [-1.0, 0.0, f32::NAN, 7.0, f32::INFINITY] {
         let source = head(&desc(0, 2, sparsity));
-        assert_eq!((source.positions.len(), source.targets.len()), (1, 2));
+        assert_eq!((source.positions.len(), source.targets.len()), (5, 2));
         assert!(source.kept(Tolerance::default()).is_ok());
     }
     for fps in [0.0, -1.0, f32::NAN, f32::INFINITY] {

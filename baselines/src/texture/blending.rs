@@ -1,13 +1,13 @@
 //! A blending pipeline for baselines that sum colours.
 
+use crate::abi::modules::Module;
+use crate::gpu::pipelines::{Objects, with_stage};
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::Module;
-use deltamorph::internals::gpu::pipelines::{Objects, with_stage};
 
 /// Adds a pipeline that blends the output of a vertex and a fragment module into two colours, in triangle strips
 /// without vertex attributes. Viewport and scissor are dynamic. The render pass exists already.
-pub(super) fn add_blending(objects: &mut Objects, [vertex, fragment]: [&Module; 2]) -> Result<()> {
+pub fn add_blending(objects: &mut Objects, [vertex, fragment]: [&Module; 2]) -> Result<()> {
     let input = vk::PipelineVertexInputStateCreateInfo::default();
     let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_STRIP);
     let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);

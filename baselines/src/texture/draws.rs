@@ -2,16 +2,16 @@
 
 use super::images::write_image;
 use super::{Textures, words_of};
+use crate::abi::modules::{TEXTURED, TEXTURED_FEEDBACK, TEXTURED_STORE};
 use crate::draws::{Capture, add_draws};
+use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use crate::pack::{DeltaFormat, PoseFormat};
+use crate::update::technique::{Context, PoseDraws};
 use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::{TEXTURED, TEXTURED_FEEDBACK, TEXTURED_STORE};
-use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
-use deltamorph::internals::gpu::mesh::MeshBuffers;
-use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use deltamorph::internals::pack::{DeltaFormat, PoseFormat};
-use deltamorph::internals::update::technique::{Context, PoseDraws};
 use deltamorph::shader_structure;
 use std::sync::Arc;
 
@@ -44,7 +44,7 @@ impl PipelineKey for Textured {
 }
 
 /// The arguments for a crowd's draws.
-pub(crate) struct TextureDraws {
+pub struct TextureDraws {
     kernel: Arc<Pipelines<Textured>>,
     mesh: Arc<MeshBuffers>,
     /// By instance.
@@ -55,7 +55,7 @@ pub(crate) struct TextureDraws {
 
 impl TextureDraws {
     /// Makes draws that fetch these displacement textures, one per instance.
-    pub(super) fn new(context: Context<'_>, displacements: Vec<vk::ImageView>) -> Result<Self> {
+    pub fn new(context: Context<'_>, displacements: Vec<vk::ImageView>) -> Result<Self> {
         let (mesh, pose) = (context.mesh, context.poses);
         let capture = Capture::of(context.device, crate::TEXTURE).ok();
         let kernel = context.kernels.get(Textured { capture })?;

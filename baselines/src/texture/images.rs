@@ -1,10 +1,10 @@
 //! What fills and binds textures.
 
+use crate::gpu::device::Device;
+use crate::gpu::memory::Buffer;
+use crate::gpu::statistics::MemoryKind;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::memory::Buffer;
-use deltamorph::internals::gpu::statistics::MemoryKind;
 use std::sync::Arc;
 
 /// Records the copy of all texels of a new image from a buffer, with layout changes around it; afterwards shaders can
@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// # Safety
 /// - `cmd` is in the recording state on the image's device, outside a render pass.
 /// - `texels` holds all texels of the image, and both live until the copy has run; the image is not used meanwhile.
-pub(super) unsafe fn record_filling(
+pub unsafe fn record_filling(
     device: &Device,
     cmd: vk::CommandBuffer,
     (image, [width, height]): (vk::Image, [u32; 2]),
@@ -53,7 +53,7 @@ pub(super) unsafe fn record_filling(
 }
 
 /// Makes staging memory with these bytes.
-pub(super) fn staging(device: &Arc<Device>, bytes: &[u8]) -> Result<Buffer> {
+pub fn staging(device: &Arc<Device>, bytes: &[u8]) -> Result<Buffer> {
     let (size, usage) = (bytes.len() as u64, vk::BufferUsageFlags::TRANSFER_SRC);
     let mut staging = Buffer::new(device, "deltamorph upload", size, usage, MemoryKind::Staging)?;
     staging.mapped()?[..bytes.len()].copy_from_slice(bytes);
@@ -61,7 +61,7 @@ pub(super) fn staging(device: &Arc<Device>, bytes: &[u8]) -> Result<Buffer> {
 }
 
 /// Binds an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL, to a set that is not in use yet.
-pub(super) fn write_image(device: &Device, set: vk::DescriptorSet, binding: u32, view: vk::ImageView) {
+pub fn write_image(device: &Device, set: vk::DescriptorSet, binding: u32, view: vk::ImageView) {
     let layout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
     let info = [vk::DescriptorImageInfo::default().image_view(view).image_layout(layout)];
     let write = vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding);

@@ -21,18 +21,18 @@ mod texels;
 mod tests;
 
 use crate::draws::one_pass;
+use crate::gpu::descriptors::BufferRange;
+use crate::gpu::device::Device;
+use crate::gpu::mesh::{MeshBuffers, Upload};
+use crate::pack::PackedMesh;
+use crate::plan::UpdateStats;
+use crate::plan::instances::{InstanceState, Instances};
+use crate::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
+use crate::update::dense::DensePlanner;
+use crate::update::technique::{Context, PoseDraws, Technique, UpdateId};
 use crate::{check_storage, private};
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::gpu::descriptors::BufferRange;
-use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
-use deltamorph::internals::pack::PackedMesh;
-use deltamorph::internals::plan::UpdateStats;
-use deltamorph::internals::plan::instances::{InstanceState, Instances};
-use deltamorph::internals::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
-use deltamorph::internals::update::dense::DensePlanner;
-use deltamorph::internals::update::technique::{Context, PoseDraws, Technique, UpdateId};
 use deltamorph_headless::{Image, ImageDesc};
 use draws::TextureDraws;
 use passes::BlendPasses;
@@ -114,7 +114,7 @@ fn words_of(mesh: &MeshBuffers) -> BufferRange {
 ///
 /// # Safety
 /// The conditions of [`UploadFor`](deltamorph::internals::update::technique::UploadFor).
-pub(crate) unsafe fn upload(
+pub unsafe fn upload(
     device: &Arc<Device>,
     cmd: vk::CommandBuffer,
     mesh: &PackedMesh,
@@ -125,10 +125,7 @@ pub(crate) unsafe fn upload(
         let baked = DeltaTexels::bake(group, device.caps.max_image_side)?;
         let words = baked.words(layout.padded_vertices());
         check_storage(device, layout, "its rectangles and texels take", &words)?;
-        let format = match baked.is_integer {
-            true => vk::Format::R16G16B16A16_SINT,
-            false => vk::Format::R32G32B32A32_SFLOAT,
-        };
+        let format = if baked.is_integer { vk::Format::R16G16B16A16_SINT } else { vk::Format::R32G32B32A32_SFLOAT };
         let mut images = vec![];
         for (what, second) in [("first", false), ("second", true)] {
             let name = format!("deltamorph deltas of the {what} triple of mesh '{}'", layout.name);
@@ -162,13 +159,13 @@ struct Group {
 }
 
 /// A crowd with displacement textures per instance.
-pub(crate) struct TextureTechnique {
+pub struct TextureTechnique {
     planner: DensePlanner,
     groups: Vec<Group>,
 }
 
 impl TextureTechnique {
-    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+    pub fn new(context: Context<'_>) -> Result<Self> {
         let group = |context: Context<'_>| {
             let passes = BlendPasses::new(context)?;
             let draws = TextureDraws::new(context, passes.displacements())?;

@@ -3,17 +3,17 @@
 use super::blending::add_blending;
 use super::images::write_image;
 use super::{Textures, words_of};
+use crate::abi::modules::{Kernel, RECTANGLES, TEXELS};
+use crate::gpu::descriptors::Sets;
+use crate::gpu::device::Device;
+use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use crate::pack::{DeltaFormat, PoseFormat};
+use crate::update::technique::Context;
+use crate::weights::delta::Coefficient;
 use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::{Kernel, RECTANGLES, TEXELS};
-use deltamorph::internals::gpu::descriptors::Sets;
-use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::mesh::MeshBuffers;
-use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use deltamorph::internals::pack::{DeltaFormat, PoseFormat};
-use deltamorph::internals::update::technique::Context;
-use deltamorph::internals::weights::delta::Coefficient;
 use deltamorph::shader_structure;
 use deltamorph_headless::{Image, ImageDesc, framebuffer, render_pass};
 use std::sync::Arc;
@@ -51,9 +51,10 @@ impl PipelineKey for Blend {
 /// or loads the result of an earlier such pass.
 fn blending(device: &Device, clears: bool) -> Result<vk::RenderPass> {
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-    let (load, layout) = match clears {
-        true => (vk::AttachmentLoadOp::CLEAR, vk::ImageLayout::UNDEFINED),
-        false => (vk::AttachmentLoadOp::LOAD, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL),
+    let (load, layout) = if clears {
+        (vk::AttachmentLoadOp::CLEAR, vk::ImageLayout::UNDEFINED)
+    } else {
+        (vk::AttachmentLoadOp::LOAD, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
     };
     let attachment = vk::AttachmentDescription::default()
         .format(FORMAT)
@@ -95,7 +96,7 @@ struct Displacements {
 }
 
 /// The arguments for a crowd's passes.
-pub(super) struct BlendPasses {
+pub struct BlendPasses {
     kernel: Arc<Pipelines<Blend>>,
     mesh: Arc<MeshBuffers>,
     /// Loads the result of an earlier pass.
@@ -105,7 +106,7 @@ pub(super) struct BlendPasses {
 }
 
 impl BlendPasses {
-    pub(super) fn new(context: Context<'_>) -> Result<Self> {
+    pub fn new(context: Context<'_>) -> Result<Self> {
         let (device, mesh) = (context.device, context.mesh);
         let kernel = context.kernels.get(Blend(mesh.layout.format))?;
         let sets = kernel.objects.sets(&[[words_of(mesh)]])?;
@@ -129,7 +130,7 @@ impl BlendPasses {
     }
 
     /// Returns the displacement textures by instance, for draws to fetch.
-    pub(super) fn displacements(&self) -> Vec<vk::ImageView> {
+    pub fn displacements(&self) -> Vec<vk::ImageView> {
         self.displacements.iter().map(|displacements| displacements.view).collect()
     }
 
@@ -139,13 +140,7 @@ impl BlendPasses {
     /// - `cmd` is in the recording state on the device, outside a render pass, on a queue with graphics.
     /// - The targets are the mesh's; unless the pass clears, an earlier one has.
     /// - Earlier reads and writes of the displacement textures have finished, by a barrier.
-    pub(super) unsafe fn record(
-        &self,
-        cmd: vk::CommandBuffer,
-        instance: u32,
-        clears: bool,
-        coefficients: &[Coefficient],
-    ) {
+    pub unsafe fn record(&self, cmd: vk::CommandBuffer, instance: u32, clears: bool, coefficients: &[Coefficient]) {
         let (objects, textures) = (&self.kernel.objects, Textures::of(&self.mesh));
         let (device, point) = (&objects.device.raw, vk::PipelineBindPoint::GRAPHICS);
         let [width, height] = textures.size;

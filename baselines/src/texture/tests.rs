@@ -1,6 +1,6 @@
 use super::texels::DeltaTexels;
+use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
 use crate::testing;
-use deltamorph::internals::pack::{DeltaFormat, PackDesc, PackedMesh};
 
 #[test]
 fn what_does_not_fit_is_refused() {

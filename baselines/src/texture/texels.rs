@@ -6,7 +6,7 @@
 //! rectangles. A delta texture holds the rectangles of all targets one after the other, row by row, without texels in
 //! between.
 
-use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedGroup};
+use crate::pack::{DeltaFormat, POSE_FLOATS, PackedGroup};
 use deltamorph::{Error, Result};
 use std::ops::Range;
 
@@ -14,38 +14,38 @@ use std::ops::Range;
 const GAP: u32 = 8;
 
 /// Words of a rectangle.
-pub(super) const RECTANGLE_WORDS: usize = 5;
+pub const RECTANGLE_WORDS: usize = 5;
 
 /// A rectangle of texels of the displacement textures that a target moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Rectangle {
+pub struct Rectangle {
     /// Column of the first texel.
-    pub(super) x: u32,
+    pub x: u32,
     /// Row of the first texel.
-    pub(super) y: u32,
+    pub y: u32,
     /// Texels of a row.
-    pub(super) width: u32,
+    pub width: u32,
     /// Rows.
-    pub(super) height: u32,
+    pub height: u32,
     /// Texel of the delta textures that holds the first delta, counted row by row; the others follow.
-    pub(super) first: u32,
+    pub first: u32,
 }
 
 /// The delta textures of a group of a mesh, and the positions of its vertices and targets in them.
 #[derive(Clone, Debug)]
-pub(super) struct DeltaTexels {
+pub struct DeltaTexels {
     /// Columns, a power of two, and rows of the displacement textures.
-    pub(super) size: [u32; 2],
+    pub size: [u32; 2],
     /// Columns, a power of two, and rows of the delta textures.
-    pub(super) image: [u32; 2],
+    pub image: [u32; 2],
     /// Texel of the displacement textures for each vertex, counted row by row; 0 if no target moves it.
-    pub(super) texels: Vec<u32>,
+    pub texels: Vec<u32>,
     /// Rectangles of all targets, target after target; those of a target do not overlap.
-    pub(super) rectangles: Vec<Rectangle>,
+    pub rectangles: Vec<Rectangle>,
     /// First rectangle of each target, then the number of all.
-    pub(super) first: Vec<u32>,
+    pub first: Vec<u32>,
     /// Components are 16-bit integers, steps of the target; else float32.
-    pub(super) is_integer: bool,
+    pub is_integer: bool,
     /// Deltas of both triples at each texel of the delta textures, in steps of the target.
     deltas: Vec<[f32; POSE_FLOATS]>,
 }
@@ -56,7 +56,7 @@ impl DeltaTexels {
     ///
     /// # Errors
     /// The textures would be larger than `side`.
-    pub(super) fn bake(group: &PackedGroup, side: u32) -> Result<Self> {
+    pub fn bake(group: &PackedGroup, side: u32) -> Result<Self> {
         let (layout, name) = (group.layout(), &group.layout().name);
         let mut movers = vec![vec![]; layout.vertex_count];
         for target in 0..layout.targets.len() {
@@ -108,13 +108,13 @@ impl DeltaTexels {
     }
 
     /// Returns the number of texels that the rectangles of all targets cover.
-    pub(super) fn covered(&self) -> usize {
+    pub fn covered(&self) -> usize {
         self.deltas.len()
     }
 
     /// Iterates over the numbers of a delta texture, row by row: of positions, or of normals. The fourth component and
     /// the texels after the last delta are 0.
-    pub(super) fn numbers(&self, normals: bool) -> impl Iterator<Item = f32> {
+    pub fn numbers(&self, normals: bool) -> impl Iterator<Item = f32> {
         let texels = self.image[0] as usize * self.image[1] as usize;
         let first = if normals { 3 } else { 0 };
         let of = move |d: &[f32; POSE_FLOATS]| [d[first], d[first + 1], d[first + 2], 0.0];
@@ -122,16 +122,17 @@ impl DeltaTexels {
     }
 
     /// Returns the bytes of a delta texture.
-    pub(super) fn bytes(&self, normals: bool) -> Vec<u8> {
+    pub fn bytes(&self, normals: bool) -> Vec<u8> {
         let numbers = self.numbers(normals);
-        match self.is_integer {
-            true => numbers.flat_map(|steps| (steps as i16).to_le_bytes()).collect(),
-            false => numbers.flat_map(f32::to_le_bytes).collect(),
+        if self.is_integer {
+            numbers.flat_map(|steps| (steps as i16).to_le_bytes()).collect()
+        } else {
+            numbers.flat_map(f32::to_le_bytes).collect()
         }
     }
 
     /// Returns the rectangles, followed by the texels of `vertices` vertices, padding included, as shaders read them.
-    pub(super) fn words(&self, vertices: usize) -> Vec<u32> {
+    pub fn words(&self, vertices: usize) -> Vec<u32> {
         let mut words: Vec<u32> = self.rectangles.iter().flat_map(|r| [r.x, r.y, r.width, r.height, r.first]).collect();
         let texels_at = words.len();
         words.extend(&self.texels);

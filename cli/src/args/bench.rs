@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// A ready-made comparison.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub enum SuiteChoice {
     /// Every technique against the number of targets, for one instance and many (--shared: copies of one); crowds of 10
     /// to 10,000 instances, planned on the CPU and animated on the device

@@ -23,7 +23,7 @@ pub struct LodArgs {
     pub random: usize,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub enum Metric {
     /// Mean squared distance that vertices move
     Mse,

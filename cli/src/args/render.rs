@@ -64,7 +64,7 @@ impl RenderArgs {
 }
 
 /// Normals of poses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub enum Normals {
     /// The base normals plus the normal deltas of the targets
     Summed,
@@ -84,7 +84,7 @@ pub const LOOKS: [(Show, &str, &str); 7] = [
 ];
 
 /// The background: red, green and blue in sRGB, or none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Background(pub Option<[u8; 3]>);
 
 pub fn size(s: &str) -> Result<[u32; 2], String> {

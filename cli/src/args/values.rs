@@ -41,7 +41,7 @@ pub enum BudgetSpec {
 }
 
 /// An entry of `--batch-sizes`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BatchSpec {
     /// This many targets per pass.
     Size(u32),

@@ -1,9 +1,9 @@
 //! Readback of poses, sums and GPU plans.
 
 use super::HeadlessCrowd;
+use crate::abi::push::AnimationPush;
 use crate::wait::full_barrier;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::push::AnimationPush;
 use deltamorph::{Error, PoseView, Result};
 
 impl HeadlessCrowd<'_> {

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex};
 ///
 /// wgpu does not report whether a command buffer was submitted: its callback comes when the work has finished, but also
 /// if the submit failed. So the last command sets an event, which proves that the GPU has run it.
-pub(crate) struct Submission {
+pub struct Submission {
     raw: ash::Device,
     event: vk::Event,
     /// The position at which wgpu finished with it, counted by [`OVER`]; 0: not yet.
@@ -23,7 +23,7 @@ static OVER: AtomicU64 = AtomicU64::new(0);
 
 /// The state of a command buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Fate {
+pub enum Fate {
     /// Held by the caller, or running on the GPU.
     Waiting,
     /// It ran, as the n-th command buffer to end.
@@ -33,7 +33,7 @@ pub(crate) enum Fate {
 }
 
 impl Submission {
-    pub(crate) fn new(device: &wgpu::Device) -> Result<Arc<Self>> {
+    pub fn new(device: &wgpu::Device) -> Result<Arc<Self>> {
         // The clone of `device` keeps it alive.
         let raw = raw_device(device)?;
         // SAFETY: the device is alive.
@@ -47,12 +47,12 @@ impl Submission {
     ///
     /// # Safety
     /// `cmd` is recording on the device, outside a render pass. It is in a [`Flight`] of this submission.
-    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer) {
+    pub unsafe fn record(&self, cmd: vk::CommandBuffer) {
         // SAFETY: the caller's obligations.
         unsafe { self.raw.cmd_set_event(cmd, self.event, vk::PipelineStageFlags::COMPUTE_SHADER) };
     }
 
-    pub(crate) fn fate(&self) -> Fate {
+    pub fn fate(&self) -> Fate {
         match self.over.load(Ordering::Acquire) {
             0 => Fate::Waiting,
             // SAFETY: the event is alive. On a lost device the call returns an error.
@@ -73,13 +73,13 @@ impl Drop for Submission {
 
 /// The resources that a command buffer uses. It is part of the callback that wgpu calls when the work has finished, or
 /// drops along with a command buffer that is dropped.
-pub(crate) struct Flight {
+pub struct Flight {
     _crowds: Vec<Arc<Mutex<deltamorph::Crowd>>>,
     submission: Arc<Submission>,
 }
 
 impl Flight {
-    pub(crate) fn new(submission: &Arc<Submission>, crowds: Vec<Arc<Mutex<deltamorph::Crowd>>>) -> Self {
+    pub fn new(submission: &Arc<Submission>, crowds: Vec<Arc<Mutex<deltamorph::Crowd>>>) -> Self {
         Self { _crowds: crowds, submission: submission.clone() }
     }
 }
@@ -91,7 +91,7 @@ impl Drop for Flight {
 }
 
 /// Returns the first of these command buffers (the oldest first) that did not run before all later ones.
-pub(crate) fn first_astray(fates: &[Fate]) -> Option<usize> {
+pub fn first_astray(fates: &[Fate]) -> Option<usize> {
     (0..fates.len()).find(|&i| match fates[i] {
         Fate::Lost => true,
         Fate::Waiting => fates[i..].iter().any(|later| matches!(later, Fate::Ran(_))),

@@ -47,10 +47,8 @@ fn filtered(bytes: &mut [u8], size: usize, filter: impl Fn([i32; 4], i32) -> [i3
     let wide = size == 8;
     let largest = if wide { i16::MAX.into() } else { i8::MAX.into() };
     for v in bytes.chunks_exact_mut(size) {
-        let stated = [0, 1, 2, 3].map(|i| match wide {
-            true => i16::from_le_bytes([v[2 * i], v[2 * i + 1]]).into(),
-            false => i32::from(v[i] as i8),
-        });
+        let stated = [0, 1, 2, 3]
+            .map(|i| if wide { i16::from_le_bytes([v[2 * i], v[2 * i + 1]]).into() } else { i32::from(v[i] as i8) });
         let values = filter(stated, largest);
         v.chunks_exact_mut(size / 4)
             .zip(values)

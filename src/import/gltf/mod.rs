@@ -162,10 +162,8 @@ fn gltf(file: &Container) -> Result<Gltf> {
         let found = namesakes[i].filter(|_| name.is_empty()).map_or(name, |node| gltf.nodes[node].name.as_str());
         file.charge(at, found.len(), 1)?;
         let name = if found.is_empty() { format!("mesh {i}") } else { found.to_owned() };
-        let prefix = match is_prefixed {
-            true => mesh::unique(name.clone(), &mut prefixes, &HashSet::new()) + ".",
-            false => String::new(),
-        };
+        let prefix =
+            if is_prefixed { mesh::unique(name.clone(), &mut prefixes, &HashSet::new()) + "." } else { String::new() };
         let why = if names[i].is_empty() { &mut why_others } else { &mut why };
         let read = mesh::mesh(file, at, (name, &prefix), &stated, why);
         let mesh = file.leave_out_or_keep(read, "mesh", why)?.unwrap_or_default();
@@ -374,10 +372,8 @@ impl Gltf {
             }
             let names: Vec<_> = left.targets.iter_mut().map(|target| std::mem::take(&mut target.name)).collect();
             for copy in 0..copies {
-                let mut source = match copy + 1 == copies {
-                    true => std::mem::take(&mut left),
-                    false => Mesh { notes: vec![], ..left.clone() },
-                };
+                let mut source =
+                    if copy + 1 == copies { std::mem::take(&mut left) } else { Mesh { notes: vec![], ..left.clone() } };
                 let node = nodes.get(copy).copied();
                 for (i, target) in source.targets.iter_mut().enumerate() {
                     let own = node.and_then(|node| self.own.get(node, i));

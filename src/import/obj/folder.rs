@@ -165,10 +165,7 @@ fn stated_normals(file: &ObjFile, base: &[Vec3]) -> Option<(Vec<Vec3>, usize)> {
     let corners = file.faces.corners.iter().zip(corners).map(|(c, &n)| (c.position as usize, file.normals[n as usize]));
     // Corners without a normal do not count.
     for (v, normal) in corners.clone().filter(|(_, normal)| *normal != Vec3::ZERO) {
-        match std::mem::replace(&mut named[v], true) {
-            true => hard[v] |= values[v] != normal,
-            false => values[v] = normal,
-        }
+        if std::mem::replace(&mut named[v], true) { hard[v] |= values[v] != normal } else { values[v] = normal }
     }
     if hard.contains(&true) {
         let mut sums = vec![(DVec3::ZERO, 0.0); count];

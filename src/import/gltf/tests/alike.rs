@@ -23,9 +23,12 @@ fn stored<const N: usize>(file: &mut Written, kind: &str, values: &[[i8; N]], [n
     let is_other = |v: usize| sparse == 1 && values[v] != [0; N] || sparse == 2 && v.is_multiple_of(2);
     let others: Vec<usize> = (0..values.len()).filter(|v| is_other(*v)).collect();
     let gap = [0, 0, 4, 8][stride];
-    let element = |v: usize| match is_other(v) {
-        true => vec![5; numbers(&values[v]).len() + gap],
-        false => [numbers(&values[v]), vec![9; gap]].concat(),
+    let element = |v: usize| {
+        if is_other(v) {
+            vec![5; numbers(&values[v]).len() + gap]
+        } else {
+            [numbers(&values[v]), vec![9; gap]].concat()
+        }
     };
     let dense: Vec<u8> = (0..values.len()).flat_map(element).collect();
     let accessor = file.accessor([I8, I16, F32][number], kind, values.len(), &dense);
