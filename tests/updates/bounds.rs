@@ -54,7 +54,7 @@ fn bounds_from_weights_hold_poses_of_the_device() {
 /// Vertices outside the ranges stay as they are, bit for bit; an update to the same weights changes none.
 #[test]
 fn what_an_update_changed_is_told() {
-    on_every_path(|what, packed, update, crowd| {
+    on_every_path(|what, packed, _, crowd| {
         let mut weights = vec![0.0; packed.layout().targets.len()];
         let mut before = vec![f32::NAN; 6 * packed.layout().vertex_count];
         let mut told = 0;
