@@ -11,8 +11,6 @@
 layout(constant_id = 4) const bool FEW_REGISTERS = false;
 #define HAS_FEW_REGISTERS
 
-#define OFFSETS_ID 5
-#include "vertex_offsets.glsl"
 #include "blocks.glsl"
 #include "tiles.glsl"
 
@@ -105,7 +103,7 @@ void main() {
     if (is_shared && rows == 0u) return;
     uint next = work[item + 1u], end = next + rows * ROW_WORDS(INSTANCES);
     uint vertex = work[item] * BLOCK_SIZE + lane;
-    uint at = vertex * VERTEX_NUMBERS;
+    uint at = 6u * vertex;
 
     Sums sums[TILE];
 #define START(h) sums[h] = Sums(ADDEND(0), ADDEND(0));

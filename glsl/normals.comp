@@ -1,16 +1,16 @@
-// Normals of the morphed surface, written into a host buffer: for each vertex the sum of the area vectors of its
-// triangles, as on import, with unit length. A lane processes a vertex, PIECE lanes a piece of the list. Float64:
+// Normals of the morphed surface, written into vertices of the application: for each vertex the sum of the area vectors
+// of its triangles, as on import, with unit length. A lane processes a vertex, PIECE lanes a piece of the list. Float64:
 // src/after/normals/mod.rs.
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "abi.glsl"
 
-#define OFFSETS_ID 0
 #include "after.glsl"
 
 // For each vertex: the base pose, six numbers; and from reads_at on the position of its fan. A fan: triangles, their
 // common vertex, and for each triangle the other two, in order.
-layout(set = 0, binding = 3, std430) readonly buffer Asset { uint asset[]; };
+layout(set = 0, binding = 4, std430) readonly buffer Asset { uint asset[]; };
 
 vec3 base_of(uint at) {
     return uintBitsToFloat(uvec3(asset[at], asset[at + 1u], asset[at + 2u]));
@@ -36,10 +36,5 @@ void main() {
     }
     // Scaled first, since the squares of small areas would vanish in single precision.
     float most = max(max(abs(sum.x), abs(sum.y)), abs(sum.z));
-    if (most > 0.0) {
-        sum = normalize(sum / most);
-    } else {
-        sum = base_of(6u * vertex + 3u);
-    }
-    store(written_at + stride * vertex, sum);
+    store_streams(vertex, vec3(0.0), most > 0.0 ? sum / most : base_of(6u * vertex + 3u));
 }

@@ -1,24 +1,19 @@
-// Writes a pose as float32 into a buffer of the application: positions and, if it has room for them, normals. With SKIN
-// they are skinned by joints, with DUAL by dual quaternions; then normals have unit length. CPU twin:
-// PoseFormat::decode. Float64: src/after/skin/reference.rs.
+// Writes streams of a pose into vertices of the application. With SKIN positions and normals are skinned by joints, with
+// DUAL by dual quaternions. CPU twin: PoseFormat::decode. Float64: src/after/skin/reference.rs.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "abi.glsl"
 
-#ifdef SKIN
-layout(constant_id = 0) const uint INFLUENCES = 4u;
-#define OFFSETS_ID 1
-#else
-#define OFFSETS_ID 0
-#endif
 #include "after.glsl"
 
 #ifdef SKIN
+layout(constant_id = 5) const uint INFLUENCES = 4u;
+
 // For each vertex its joints, two to a word, and their weights, the largest first.
-layout(set = 0, binding = 3, std430) readonly buffer Influences { uint influences[]; };
+layout(set = 0, binding = 4, std430) readonly buffer Influences { uint influences[]; };
 // A matrix has three rows, a dual quaternion a real and a dual part: (x, y, z, w). The first is reads_at.
-layout(set = 0, binding = 4, std430) readonly buffer Joints { vec4 joints[]; };
+layout(set = 0, binding = 5, std430) readonly buffer Joints { vec4 joints[]; };
 #ifdef DUAL
 const uint JOINT = 2u;
 #else
@@ -32,12 +27,6 @@ uint joint_at(uint skin, uint i) {
 
 float weight_of(uint skin, uint i) {
     return uintBitsToFloat(influences[skin + INFLUENCES / 2u + i]);
-}
-
-// Returns the unit vector; zero stays zero.
-vec3 direction(vec3 normal) {
-    float length2 = dot(normal, normal);
-    return length2 > 0.0 ? normal * inversesqrt(length2) : normal;
 }
 
 void load_skinned(uint vertex, out vec3 position, out vec3 normal) {
@@ -91,7 +80,6 @@ void load_skinned(uint vertex, out vec3 position, out vec3 normal) {
     float mirrored = dot(x.xyz, yz) < 0.0 ? -1.0 : 1.0;
     normal = mirrored * vec3(dot(yz, normal), dot(cross(z.xyz, x.xyz), normal), dot(cross(x.xyz, y.xyz), normal));
 #endif
-    normal = direction(normal);
 }
 #endif
 
@@ -106,9 +94,5 @@ void main() {
 #else
     load(vertex, position, normal);
 #endif
-    uint to = written_at + stride * vertex;
-    store(to, position);
-    if (normal_at != 0u) {
-        store(to + normal_at, normal);
-    }
+    store_streams(vertex, position, normal);
 }

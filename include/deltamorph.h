@@ -483,41 +483,6 @@ typedef struct DmGpuMesh {
     uint64_t bits;
 } DmGpuMesh;
 
-/// Position of a stream in a vertex.
-typedef struct DmStreamPlace {
-    /// `DM_STREAM_...`.
-    uint32_t stream;
-    /// Bytes from the beginning of a vertex to its first component: a multiple of 4. In 16-bit fixed-point poses a
-    /// multiple of 2; there the six numbers of a stream's group (position and normal, for example) are written
-    /// together.
-    uint32_t offset;
-} DmStreamPlace;
-
-/// Vertices of the host's that a crowd keeps its poses in, interleaved with other data of the host's, which is not
-/// changed. From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of `stride` x
-/// DmMeshInfo::padded_vertex_count bytes each, in the order of pose buffers.
-///
-/// The buffer belongs to the engine's device, is usable as storage buffer, and large enough for all poses. It lives
-/// until the crowd is destroyed. While an update runs, only the crowd's consumers access the bytes that the crowd
-/// writes. On lavapipe with shaderInt64 updates take several times as long as those of the library's own buffers; GPUs
-/// run the same kernels for both.
-typedef struct DmHostPoses {
-    /// sizeof(DmHostPoses).
-    uint32_t struct_size;
-    /// Bytes from vertex to vertex, a multiple of 4.
-    uint32_t stride;
-    /// The buffer with the vertices.
-    VkBuffer buffer;
-    /// Bytes from its beginning to the first vertex, a multiple of 4.
-    uint64_t offset;
-    /// The streams that are written, 16 at most; positions are among them.
-    const struct DmStreamPlace *streams;
-    /// Streams.
-    uint32_t stream_count;
-    /// Zero.
-    uint32_t reserved;
-} DmHostPoses;
-
 /// How to make a crowd. Zeros are the defaults.
 typedef struct DmCrowdDesc {
     /// sizeof(DmCrowdDesc).
@@ -552,8 +517,6 @@ typedef struct DmCrowdDesc {
     uint32_t pose_usage;
     /// Zero.
     uint32_t reserved;
-    /// Vertices of the host's that poses are written into (path blocks); null: buffers of the library's.
-    const struct DmHostPoses *poses;
     /// The family of the queue that updates of the crowd run on; null: one with graphics and compute. Read during the
     /// call only. For a family without graphics, barriers name no graphics stage: consumers that have one are on
     /// another queue.
@@ -710,32 +673,49 @@ typedef struct DmSkin {
     uint64_t bits;
 } DmSkin;
 
-/// Output buffer of an instance's pose as float32, in the order of poses and without padding, and the joints that skin
-/// it.
-typedef struct DmOutputTarget {
-    /// sizeof(DmOutputTarget).
-    uint32_t struct_size;
-    /// Bytes from vertex to vertex, a multiple of 4; 0: 12, or `normals` and 12.
+/// A stream of poses in vertices of the application: buffer, offset, stride and format of their own.
+typedef struct DmOutputStream {
+    /// `DM_STREAM_...`, which the mesh has.
+    uint32_t stream;
+    /// Bytes from vertex to vertex, a multiple of 4; 0: those of the components that morph.
     uint32_t stride;
     /// The buffer, usable as storage buffer.
     VkBuffer buffer;
-    /// Offset of the first vertex's position, a multiple of 4.
+    /// Offset of the first vertex's stream, a multiple of 4.
     uint64_t offset;
-    /// Second output buffer of the same stride, which keeps the previous output when the next is written; null: none.
+    /// Second buffer with the same stride: updates write the two in turn, and the other one keeps the previous output.
+    /// All streams of a target have one, or none. Null: none.
     VkBuffer second_buffer;
     /// Offset in the second buffer.
     uint64_t second_offset;
+    /// VkFormat: R32G32_SFLOAT, R32G32B32_SFLOAT or R32G32B32A32_SFLOAT; for normals and tangents also
+    /// R16G16B16A16_SNORM, R8G8B8A8_SNORM or A2B10G10R10_SNORM_PACK32. Normals and tangents have unit length.
+    /// Components that do not morph keep their values: a fourth one beside positions and normals, and the handedness of
+    /// a tangent in w. 0: float32 of the components that morph.
+    uint32_t format;
+    /// Zero.
+    uint32_t reserved;
+} DmOutputStream;
+
+/// Output of an instance's pose into vertices of the application, and the joints that skin it.
+typedef struct DmOutputTarget {
+    /// sizeof(DmOutputTarget).
+    uint32_t struct_size;
+    /// Streams.
+    uint32_t stream_count;
+    /// The streams that are written, which do not overlap.
+    const struct DmOutputStream *streams;
     /// The buffer of the joints, usable as storage buffer; null without a skin.
     VkBuffer joints;
     /// Bytes from the beginning of that buffer that joints may occupy.
     uint64_t joints_bytes;
     /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` sets another.
     uint64_t joints_offset;
-    /// Bytes from a position to its normal, a multiple of 4 from 12 on; 0: no normals. Skinned normals have unit
-    /// length.
-    uint32_t normals;
     /// `DM_SKIN_...`, how joints are blended, and so their layout; 0: linear.
     uint32_t method;
+    /// 0: vertices have the order of the mesh as it was imported or handed in. 1: that of poses, with the indices of
+    /// the library. There are DmMeshInfo::vertex_count of them in either case.
+    uint32_t pose_order;
 } DmOutputTarget;
 
 /// The triangles around each vertex of a mesh, on the device: for normals of the morphed surface. All zero: none.
@@ -743,18 +723,6 @@ typedef struct DmSurface {
     /// Kind and number.
     uint64_t bits;
 } DmSurface;
-
-/// Output buffer for normals of an instance's morphed surface, in the order of poses and without padding.
-typedef struct DmNormalsTarget {
-    /// sizeof(DmNormalsTarget).
-    uint32_t struct_size;
-    /// Bytes from vertex to vertex, a multiple of 4 from 12 on; 0: 12.
-    uint32_t stride;
-    /// The buffer, usable as storage buffer.
-    VkBuffer buffer;
-    /// Offset of the first vertex's normal, a multiple of 4.
-    uint64_t offset;
-} DmNormalsTarget;
 
 /// Joints and weights of the vertices of a mesh.
 typedef struct DmSkinDesc {
@@ -781,7 +749,7 @@ typedef struct DmOutputView {
     uint32_t reserved;
     /// The buffer.
     VkBuffer buffer;
-    /// Offset of the first position.
+    /// Offset of the first vertex of the target's first stream.
     uint64_t offset;
     /// The buffer with the output before the last update: the same output if nothing changed, on the first update and
     /// after its history was reset. Null: the update overwrote it.
@@ -1262,8 +1230,7 @@ DmResult dm_readback_create(struct DmEngine engine, struct DmReadback *readback)
 ///   crowd that were recorded so far, and before later ones.
 /// - Commands recorded with this read-back before have finished, or never run. It and the crowd live until the device
 ///   has finished.
-/// - There are `count` instances. If the poses are in the host's vertices, their buffer is usable as source of copies,
-///   too.
+/// - There are `count` instances.
 DmResult dm_readback_record(struct DmReadback readback,
                             VkCommandBuffer cmd,
                             struct DmCrowd crowd,
@@ -1287,18 +1254,19 @@ DmResult dm_readback_pose(struct DmReadback readback, uint32_t at, uint32_t stre
 /// Commands recorded with it have finished, or never run.
 DmResult dm_readback_destroy(struct DmReadback readback);
 
-/// Write the pose of an instance as float32 into a buffer of the host's, from the next recorded update on, skinned by
-/// `skin` or, if that is the null handle, as it is; `target` null: stop; `skin` is ignored then. If joints moved
+/// Write the pose of an instance into vertices of the application, from the next recorded update on, skinned by `skin`
+/// or, if that is the null handle, as it is; `target` null: stop; `skin` is ignored then. If joints moved
 /// (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the vertices that the update changed.
 /// What is written is ready for the crowd's consumers.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a skin of another engine or mesh, an offset or
-/// stride that does not fit, joints without a skin or beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a stream that the mesh does not have, a format,
+/// offset or stride that does not fit, a skin of another engine or mesh, joints without a skin or beyond their buffer.
+/// Nothing changes then.
 ///
 /// Safety:
-/// - `target` is null or a structure. Its buffers belong to the engine's device, are usable as storage buffers and
-///   large enough for all that is read and written. They live until the instance has another target, or none, and the
-///   updates recorded before have finished.
+/// - `target` is null or a structure, and its streams can be read. Its buffers belong to the engine's device, are
+///   usable as storage buffers, and large enough for all that is read and written. They live until the instance has
+///   another target, or none, and the updates recorded before have finished.
 /// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
 /// - Joints are written, and visible to compute shaders, when an update that skins runs. They stay unchanged from the
 ///   update that they were set for until others are set, and the updates recorded before have finished.
@@ -1327,19 +1295,19 @@ DmResult dm_surface_upload(struct DmEngine engine, VkCommandBuffer cmd, struct D
 /// The upload has finished, or will never run. Crowds may be using it.
 DmResult dm_surface_destroy(struct DmSurface surface);
 
-/// Compute the normals of an instance's pose from its morphed surface, into a buffer of the host's, from the next
-/// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: stop; `surface`
-/// is ignored then.
+/// Compute the normals of an instance's pose from its morphed surface, into vertices of the application, from the next
+/// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. The target has one stream,
+/// DM_STREAM_NORMAL, and no joints; null: stop; `surface` is ignored then.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a surface of another engine or mesh, an offset or
-/// stride that does not fit. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed, a surface of another engine or mesh, a target that
+/// does not fit. Nothing changes then.
 ///
 /// Safety:
 /// The same conditions as for `dm_crowd_set_output_target`.
 DmResult dm_crowd_set_normals_target(struct DmCrowd crowd,
                                      uint32_t instance,
                                      struct DmSurface surface,
-                                     const struct DmNormalsTarget *target);
+                                     const struct DmOutputTarget *target);
 
 /// Make a buffer of the joints and weights of a mesh's vertices, and record its upload: once for each mesh, whatever
 /// the number of crowds and instances.

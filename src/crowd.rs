@@ -124,7 +124,7 @@ macro_rules! crowd_methods {
             let vertices = self.layout().vertex_count as u32;
             let (instances, state) = self.parts();
             if updates > 0 && instances.check(instance).is_ok() {
-                state.changed(instances, updates, instance, &mut changed);
+                state.changed(instances, updates, instance, 0, &mut changed);
             }
             let merged = changed.chunk_by(|a, b| a.end == b.start).map(|run| run[0].start..run[run.len() - 1].end);
             merged.map(|range| range.start..range.end.min(vertices)).filter(|range| !range.is_empty()).collect()

@@ -283,13 +283,16 @@ fn steps(lab: &Lab<'_>) {
         );
     };
     // SAFETY: the buffer is large enough, and dropped after the crowds; nothing is running. So below.
-    set("set_output_target", &|e, crowd| unsafe { e.set_output_target(crowd, 0, Some(&OutputTarget::new(buffer))) });
-    let target = NormalsTarget::new(buffer);
+    let streams = [Semantic::Position, Semantic::Normal].map(|semantic| OutputStream::new(semantic, buffer));
+    let target = OutputTarget::new(&streams[..1]);
+    // SAFETY: as above.
+    set("set_output_target", &|e, crowd| unsafe { e.set_output_target(crowd, 0, Some(&target)) });
+    let target = OutputTarget::new(&streams[1..]);
     // SAFETY: as above.
     set("set_normals_target", &|e, crowd| unsafe { e.set_normals_target(crowd, 0, Some((&normals, &target))) });
     let joints = host.shared(48).buffer;
     let joints = Some(Joints::new(&skin, joints, 48));
-    let target = OutputTarget { joints, ..OutputTarget::new(buffer) };
+    let target = OutputTarget { joints, ..OutputTarget::new(&streams[..1]) };
     // SAFETY: as above.
     set("set_output_target with joints", &|e, crowd| unsafe { e.set_output_target(crowd, 0, Some(&target)) });
 }

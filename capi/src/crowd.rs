@@ -4,15 +4,14 @@ use crate::arguments::{check_command_buffer, or};
 use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmGpuMesh, Handle, handle};
 use crate::memory::{check_place, read, read_or_default, slice, text};
-use crate::numbers::{consumers, mode, path, pose_format, semantic};
+use crate::numbers::{consumers, mode, path, pose_format};
 use crate::result::{DmResult, Failure, Result, ensure, enter, lock};
 use crate::structs::{DmAnimationDesc, DmCrowdDesc, DmLevelDesc, DmPlayback};
 use crate::tickets::Tickets;
-use deltamorph::ash::vk::{self, Handle as _};
+use deltamorph::ash::vk;
 use deltamorph::lod::Importance;
 use deltamorph::{
-    AnimationDesc, BatchSize, CrowdDesc, HostPoses, KeyFormat, Playback, PoseFormat, Repeat, UpdateDesc, VertexLayout,
-    WeightClip,
+    AnimationDesc, BatchSize, CrowdDesc, KeyFormat, Playback, PoseFormat, Repeat, UpdateDesc, WeightClip,
 };
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -45,7 +44,7 @@ impl State {
 }
 
 impl DmCrowdDesc {
-    /// The description without the host's vertices, with `default_pose` for zero.
+    /// The description, with `default_pose` for zero.
     pub(crate) fn crowd(&self, default_pose: PoseFormat) -> Result<CrowdDesc> {
         let path = path(self.path)?;
         let batch = if self.batch == 0 { BatchSize::All } else { BatchSize::Targets(self.batch) };
@@ -73,28 +72,13 @@ impl DmCrowdDesc {
 /// Reads the description of a crowd on the device.
 ///
 /// # Safety
-/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which meets the conditions in its
-/// documentation; DmCrowdDesc::queue_family is null or can be read.
+/// `desc` is null (the defaults) or a structure; DmCrowdDesc::queue_family is null or can be read.
 pub(crate) unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseFormat) -> Result<CrowdDesc> {
     // SAFETY: the caller's obligation.
     let asked = unsafe { read_or_default(desc) }?;
     // SAFETY: as above.
     let family = (!asked.queue_family.is_null()).then(|| unsafe { asked.queue_family.read_unaligned() });
-    let desc = CrowdDesc { queue_family: family, ..asked.crowd(default_pose)? };
-    if asked.poses.is_null() {
-        return Ok(desc);
-    }
-    // SAFETY: as above.
-    let host = unsafe { read(asked.poses) }?;
-    ensure!(!host.buffer.is_null(), "DmHostPoses: 'buffer' is null; hand in a buffer, or no DmHostPoses");
-    // SAFETY: as above.
-    let streams = unsafe { slice(host.streams, host.stream_count as usize, "streams") }?;
-    let mut vertex = VertexLayout::new(host.stride);
-    for at in streams {
-        vertex = vertex.stream(semantic(at.stream)?, at.offset);
-    }
-    // SAFETY: as above.
-    Ok(CrowdDesc { poses: Some(unsafe { HostPoses::new(host.buffer, host.offset, vertex) }), ..desc })
+    Ok(CrowdDesc { queue_family: family, ..asked.crowd(default_pose)? })
 }
 
 /// The order of the targets; `None`: all targets are kept.

@@ -27,8 +27,8 @@ macro_rules! sizes {
 fn sizes() -> Vec<(&'static str, usize)> {
     sizes! {
         DmEngineDesc DmEngineInfo DmMemoryRequest DmHostMemory DmMemoryUse DmRequirement DmMeshDesc DmMeshArrays
-        DmTargetArrays DmSampleDesc DmMeshInfo DmRenderVertices DmCrowdDesc DmHostPoses DmStreamPlace DmAnimationDesc
-        DmLevelDesc DmPlayback DmTicket DmUpdate DmPoseView DmStreamView DmNormalsTarget DmSkinDesc DmOutputTarget
+        DmTargetArrays DmSampleDesc DmMeshInfo DmRenderVertices DmCrowdDesc DmAnimationDesc
+        DmLevelDesc DmPlayback DmTicket DmUpdate DmPoseView DmStreamView DmSkinDesc DmOutputStream DmOutputTarget
         DmOutputView DmClipInfo DmClipArrays
     }
 }

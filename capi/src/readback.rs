@@ -54,8 +54,7 @@ pub unsafe extern "C" fn dm_readback_create(engine: DmEngine, readback: *mut DmR
 ///   crowd that were recorded so far, and before later ones.
 /// - Commands recorded with this read-back before have finished, or never run. It and the crowd live until the device
 ///   has finished.
-/// - There are `count` instances. If the poses are in the host's vertices, their buffer is usable as source of copies,
-///   too.
+/// - There are `count` instances.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_readback_record(
     readback: DmReadback,

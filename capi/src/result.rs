@@ -64,13 +64,13 @@ impl From<deltamorph::Error> for Failure {
 }
 
 /// Names in the library's messages, and their names in C. Replaced in this order.
-const NAMES: [(&str, &str); 14] = [
+const NAMES: [(&str, &str); 13] = [
     ("AnimationDesc::importance", "DmAnimationDesc::level"),
     ("CrowdDesc::pose_usage", "DmCrowdDesc::pose_usage"),
-    ("CrowdDesc::poses", "DmCrowdDesc::poses"),
     ("DeviceDesc::buffer_device_address", "DmEngineDesc::buffer_device_address"),
     ("DeviceDesc::queue_families", "DmEngineDesc::queue_families"),
     ("MorphEngine::pack_desc", "DmMeshDesc::engine"),
+    ("MorphEngine::set_output_target", "dm_crowd_set_output_target"),
     ("MorphEngine::upload", "dm_mesh_upload"),
     ("MorphEngine", "DmEngine"),
     ("Mesh::weld", "DM_MESH_WELD"),
@@ -78,7 +78,6 @@ const NAMES: [(&str, &str); 14] = [
     ("PoseFormat::Fixed32", "DM_POSE_FIXED32"),
     ("Semantic::Normal", "DM_STREAM_NORMAL"),
     ("Semantic::Position", "DM_STREAM_POSITION"),
-    ("VertexLayout", "DmHostPoses"),
 ];
 
 fn in_c(message: String) -> String {

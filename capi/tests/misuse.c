@@ -311,12 +311,6 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     HOLDS(stream.components == 3 && stream.buffer);
     INVALID("stream", dm_crowd_stream(crowd, 0, DM_STREAM_TANGENT, &stream));
 
-    DmOutputTarget target = {.struct_size = sizeof target};
-    INVALID("'buffer' is null", dm_crowd_set_output_target(crowd, 0, (DmSkin){0}, &target));
-    target.buffer = pose.buffer, target.stride = 10;
-    INVALID("multiples of 4", dm_crowd_set_output_target(crowd, 0, (DmSkin){0}, &target));
-    WORKS(dm_crowd_set_output_target(crowd, 0, (DmSkin){0}, NULL));
-
     DmClip clip = {0};
     DmCrowd animated = {0};
     DmSampleDesc head = {.struct_size = sizeof head, .vertices = 200, .targets = 3};

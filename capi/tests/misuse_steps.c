@@ -1,6 +1,6 @@
 /*
- * Invalid use of what updates do beside the pose: weights one by one, sets, vertices of the host's, read-backs, steps
- * after the pose; and handles that are null. Included by misuse.c, which says what it expects.
+ * Invalid use of what updates do beside the pose: weights one by one, outputs, read-backs, post-morph passes; and
+ * handles that are null. Included by misuse.c, which says what it expects.
  */
 
 static void null_handles(void) {
@@ -34,37 +34,40 @@ static void single_weights(DmCrowd crowd, DmCrowd animated) {
     WORKS(dm_crowd_set_weight(crowd, 0, 0, 0.25f));
 }
 
-static void host_vertices(DmGpuMesh mesh, VkBuffer buffer) {
-    DmStreamPlace streams[2] = {{DM_STREAM_POSITION, 0}, {DM_STREAM_NORMAL, 12}};
-    DmHostPoses poses = {.struct_size = sizeof poses, .stride = 48, .buffer = buffer, .streams = streams,
-                         .stream_count = 2};
-    DmCrowdDesc desc = {.struct_size = sizeof desc, .poses = &poses};
+static void descriptions(DmGpuMesh mesh) {
+    DmCrowdDesc desc = {.struct_size = sizeof desc, .pose_usage = 1u << 30};
     DmCrowd crowd = {0};
-    poses.buffer = VK_NULL_HANDLE;
-    INVALID("DmHostPoses: 'buffer' is null", dm_crowd_create(mesh, &desc, &crowd));
-    poses.buffer = buffer, poses.stream_count = 0;
-    INVALID("position", dm_crowd_create(mesh, &desc, &crowd));
-    poses.stream_count = 2, poses.streams = NULL;
-    INVALID("'streams' is a null pointer", dm_crowd_create(mesh, &desc, &crowd));
-    poses.streams = streams, poses.stride = 20;
-    INVALID("stride", dm_crowd_create(mesh, &desc, &crowd));
-    poses.stride = 48, poses.offset = 2;
-    INVALID("multiple of 4", dm_crowd_create(mesh, &desc, &crowd));
-    poses.offset = 0, poses.reserved = 1;
-    INVALID("DmHostPoses: 'reserved' is 1", dm_crowd_create(mesh, &desc, &crowd));
-    poses.reserved = 0, poses.struct_size = 8;
-    INVALID("DmHostPoses with a struct_size of 8", dm_crowd_create(mesh, &desc, &crowd));
-    poses.struct_size = sizeof poses, streams[1].stream = 77;
-    INVALID("77 is no stream", dm_crowd_create(mesh, &desc, &crowd));
-    streams[1].stream = DM_STREAM_TANGENT;
-    INVALID("tangent", dm_crowd_create(mesh, &desc, &crowd));
-    streams[1].stream = DM_STREAM_NORMAL, desc.pose_usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT;
-    INVALID("pose_usage", dm_crowd_create(mesh, &desc, &crowd));
-    desc.poses = NULL, desc.pose_usage = 1u << 30;
     INVALID("pose buffers for", dm_crowd_create(mesh, &desc, &crowd));
     desc.pose_usage = 0, desc.reserved = 4;
     INVALID("DmCrowdDesc: 'reserved' is 4", dm_crowd_create(mesh, &desc, &crowd));
     HOLDS(crowd.bits == 0);
+}
+
+static void output_streams(DmCrowd crowd, VkBuffer buffer) {
+    const DmOutputStream positions = {.stream = DM_STREAM_POSITION, .buffer = buffer};
+    DmOutputStream stream = positions;
+    DmOutputTarget target = {.struct_size = sizeof target, .streams = &stream, .stream_count = 1};
+    const DmSkin none = {0};
+    WORKS(dm_crowd_set_output_target(crowd, 0, none, &target));
+    WORKS(dm_crowd_set_output_target(crowd, 0, none, NULL));
+    target.stream_count = 0;
+    INVALID("without streams", dm_crowd_set_output_target(crowd, 0, none, &target));
+    target.stream_count = 1, target.streams = NULL;
+    INVALID("'streams' is a null pointer", dm_crowd_set_output_target(crowd, 0, none, &target));
+    target.streams = &stream, stream.buffer = VK_NULL_HANDLE;
+    INVALID("'buffer' is null", dm_crowd_set_output_target(crowd, 0, none, &target));
+    stream = positions, stream.stride = 8;
+    INVALID("multiples of 4", dm_crowd_set_output_target(crowd, 0, none, &target));
+    stream = positions, stream.offset = 2;
+    INVALID("multiples of 4", dm_crowd_set_output_target(crowd, 0, none, &target));
+    stream = positions, stream.stream = 77;
+    INVALID("77 is no stream", dm_crowd_set_output_target(crowd, 0, none, &target));
+    stream = positions, stream.stream = DM_STREAM_TANGENT;
+    INVALID("stream 'tangent'", dm_crowd_set_output_target(crowd, 0, none, &target));
+    stream = positions, stream.format = VK_FORMAT_R8G8B8A8_SNORM;
+    INVALID("use a float32 format", dm_crowd_set_output_target(crowd, 0, none, &target));
+    stream = positions, stream.reserved = 1;
+    INVALID("DmOutputStream: 'reserved' is 1", dm_crowd_set_output_target(crowd, 0, none, &target));
 }
 
 /* The crowd has a pose. */
@@ -128,8 +131,9 @@ static void skins(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     WORKS(dm_skin_upload(engine, host->cmd, another, &desc, &different));
     host_submit_and_wait(host);
     WORKS(dm_release_staging(skin.bits));
-    DmOutputTarget target = {.struct_size = sizeof target, .buffer = buffer, .normals = 12, .joints = buffer,
-                           .joints_bytes = 96}, wrong = target;
+    DmOutputStream positions = {.stream = DM_STREAM_POSITION, .buffer = buffer};
+    DmOutputTarget target = {.struct_size = sizeof target, .streams = &positions, .stream_count = 1, .joints = buffer,
+                             .joints_bytes = 96}, wrong = target;
     DmOutputView view = {.struct_size = sizeof view};
     INVALID("not skinned", dm_crowd_set_joints(crowd, 0, 0));
     INVALID("has no output", dm_crowd_output(crowd, 0, &view));
@@ -140,12 +144,6 @@ static void skins(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     INVALID("instance 7", dm_crowd_set_output_target(crowd, 7, skin, &target));
     wrong.joints = VK_NULL_HANDLE;
     INVALID("'joints' is null", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
-    wrong = target, wrong.buffer = VK_NULL_HANDLE;
-    INVALID("'buffer' is null", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
-    wrong = target, wrong.stride = 20;
-    INVALID("multiples of 4", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
-    wrong = target, wrong.normals = 0xffffffff;
-    INVALID("multiples of 4", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
     wrong = target, wrong.joints_bytes = 95;
     INVALID("room for all joints", dm_crowd_set_output_target(crowd, 0, skin, &wrong));
     wrong = target, wrong.method = 3;
@@ -165,8 +163,8 @@ static void skins(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
 static void surfaces_and_outputs(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmCrowd crowd,
                                   VkBuffer buffer) {
     DmSurface surface = {0}, foreign = {0};
-    DmNormalsTarget normals = {.struct_size = sizeof normals, .buffer = buffer};
-    DmOutputTarget output = {.struct_size = sizeof output, .buffer = buffer};
+    DmOutputStream stream = {.stream = DM_STREAM_NORMAL, .buffer = buffer};
+    DmOutputTarget normals = {.struct_size = sizeof normals, .streams = &stream, .stream_count = 1}, output = normals;
     INVALID("'cmd' is null", dm_surface_upload(engine, NULL, mesh, &surface));
     host_begin(host);
     INVALID("'surface' is a null pointer", dm_surface_upload(engine, host->cmd, mesh, NULL));
@@ -178,10 +176,11 @@ static void surfaces_and_outputs(const Host *host, DmEngine engine, DmEngine oth
     HANDLE("null handle in place of a surface", dm_crowd_set_normals_target(crowd, 0, (DmSurface){0}, &normals));
     INVALID("upload it with the crowd's engine", dm_crowd_set_normals_target(crowd, 0, foreign, &normals));
     INVALID("instance 7", dm_crowd_set_normals_target(crowd, 7, surface, &normals));
-    normals.stride = 8;
-    INVALID("multiples of 4", dm_crowd_set_normals_target(crowd, 0, surface, &normals));
-    normals.stride = 0, normals.buffer = VK_NULL_HANDLE;
+    stream.stream = DM_STREAM_POSITION;
+    INVALID("DM_STREAM_NORMAL", dm_crowd_set_normals_target(crowd, 0, surface, &normals));
+    stream.stream = DM_STREAM_NORMAL, stream.buffer = VK_NULL_HANDLE;
     INVALID("'buffer' is null", dm_crowd_set_normals_target(crowd, 0, surface, &normals));
+    stream.buffer = buffer;
     normals.struct_size = 0;
     INVALID("struct_size of 0", dm_crowd_set_normals_target(crowd, 0, surface, &normals));
     WORKS(dm_crowd_set_normals_target(crowd, 0, (DmSurface){0}, NULL));
@@ -199,7 +198,8 @@ static void steps(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     VkDeviceMemory memory;
     const VkBuffer buffer = storage_create(host, 1 << 16, &memory);
     single_weights(crowd, animated);
-    host_vertices(uploaded, buffer);
+    descriptions(uploaded);
+    output_streams(crowd, buffer);
     readbacks(host, engine, crowd, elsewhere);
     skins(host, engine, other, mesh, another, crowd, buffer);
     surfaces_and_outputs(host, engine, other, mesh, crowd, buffer);

@@ -173,14 +173,14 @@ static void skinned_check(const float *got, const float *pose, const uint16_t *w
 }
 
 /* Normals of the surface of a pose, area-weighted; vertices and triangles are those of the patch. */
-static void surface_check(const Patch *patch, const uint32_t *packed, const float *got, const char *poses) {
+static void surface_check(const Patch *patch, const float *got, const char *poses) {
     double *sums = room_for(patch->vertices, 3 * sizeof *sums);
     for (uint32_t i = 0; i < patch->triangles; i++) {
         const uint32_t *corners = patch->indices + i * 3;
         double edges[2][3], area[3];
-        const float *from = (const float *)(const void *)(poses + packed[corners[0]] * STRIDE);
+        const float *from = (const float *)(const void *)(poses + corners[0] * STRIDE);
         for (int e = 0; e < 2; e++) {
-            const float *to = (const float *)(const void *)(poses + packed[corners[e + 1]] * STRIDE);
+            const float *to = (const float *)(const void *)(poses + corners[e + 1] * STRIDE);
             for (int c = 0; c < 3; c++) edges[e][c] = (double)to[c] - from[c];
         }
         cross(edges[0], edges[1], area);
@@ -189,7 +189,7 @@ static void surface_check(const Patch *patch, const uint32_t *packed, const floa
     }
     for (uint32_t v = 0; v < patch->vertices; v++) {
         normalize(sums + v * 3);
-        note(SURFACE_NORMALS, distance(got + packed[v] * 3, sums + v * 3));
+        note(SURFACE_NORMALS, distance(got + v * 3, sums + v * 3));
     }
     free(sums);
 }
@@ -219,10 +219,6 @@ int main(int argc, char **argv) {
     DmMeshInfo info = {.struct_size = sizeof info};
     DM(dm_mesh_info(meshes[0], &info));
     if (info.vertex_count != face.vertices || info.target_count != TARGETS) fail("the face", "has other counts");
-    uint32_t *packed = room_for(face.vertices, sizeof *packed);
-    for (uint32_t v = 0; v < face.vertices; v++) packed[v] = v;
-    DM(dm_mesh_remap_indices(meshes[0], packed, face.vertices));
-
     uint16_t *influences = room_for(face.vertices, 2 * INFLUENCES);
     float *influence = room_for(face.vertices, 4 * INFLUENCES);
     for (uint32_t i = 0; i < face.vertices * INFLUENCES; i++)
@@ -241,8 +237,8 @@ int main(int argc, char **argv) {
     DM(dm_release_staging(skin.bits));
     DM(dm_release_staging(surface.bits));
 
-    /* Position and normal are the library's; 24 bytes behind them are the host's. One slot: the pose stays in place. */
-    const uint32_t pose_bytes = info.padded_vertex_count * STRIDE;
+    /* Position and normal are written in the order of the mesh; 24 bytes behind them are the application's. */
+    const uint32_t pose_bytes = face.vertices * STRIDE;
     const VkBufferUsageFlags storage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     Readback vertices = readback_create(&host, pose_bytes, storage | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
     Readback skinned = readback_create(&host, face.vertices * 48, storage);
@@ -251,21 +247,32 @@ int main(int argc, char **argv) {
     Readback decoded = readback_create(&host, teeth.vertices * 12, storage);
     char *bytes = (char *)vertices.mapped;
     memset(bytes, 0xa5, pose_bytes);
-    const DmStreamPlace streams[2] = {{DM_STREAM_POSITION, 0}, {DM_STREAM_NORMAL, 12}};
-    const DmHostPoses poses = {.struct_size = sizeof poses, .stride = STRIDE, .buffer = vertices.buffer,
-                               .streams = streams, .stream_count = 2};
-    DmCrowdDesc descs[2] = {{.struct_size = sizeof *descs, .slots = 1, .poses = &poses},
+    DmCrowdDesc descs[2] = {{.struct_size = sizeof *descs, .instances = 2},
                             {.struct_size = sizeof *descs, .pose_format = DM_POSE_FIXED32}};
     DmCrowd crowds[2];
     for (int i = 0; i < 2; i++) DM(dm_crowd_create(uploaded[i], &descs[i], &crowds[i]));
-    const DmOutputTarget skin_target = {.struct_size = sizeof skin_target, .buffer = skinned.buffer, .normals = 12,
-                                      .second_buffer = skinned.buffer, .second_offset = face.vertices * 24,
-                                      .joints = joints.buffer, .joints_bytes = FRAMES * 192};
-    const DmNormalsTarget normals_target = {.struct_size = sizeof normals_target, .buffer = normals.buffer};
-    const DmOutputTarget decode_target = {.struct_size = sizeof decode_target, .buffer = decoded.buffer};
-    DM(dm_crowd_set_output_target(crowds[0], 0, skin, &skin_target));
-    DM(dm_crowd_set_normals_target(crowds[0], 0, surface, &normals_target));
-    DM(dm_crowd_set_output_target(crowds[1], 0, (DmSkin){0}, &decode_target));
+    const DmOutputStream interleaved[2] = {
+        {.stream = DM_STREAM_POSITION, .buffer = vertices.buffer, .stride = STRIDE},
+        {.stream = DM_STREAM_NORMAL, .buffer = vertices.buffer, .stride = STRIDE, .offset = 12},
+    };
+    const uint64_t half = face.vertices * 24;
+    const DmOutputStream in_turn[2] = {
+        {.stream = DM_STREAM_POSITION, .buffer = skinned.buffer, .stride = 24,
+         .second_buffer = skinned.buffer, .second_offset = half},
+        {.stream = DM_STREAM_NORMAL, .buffer = skinned.buffer, .stride = 24, .offset = 12,
+         .second_buffer = skinned.buffer, .second_offset = half + 12},
+    };
+    const DmOutputStream recomputed = {.stream = DM_STREAM_NORMAL, .buffer = normals.buffer};
+    const DmOutputStream plain = {.stream = DM_STREAM_POSITION, .buffer = decoded.buffer};
+    const DmSkin none = {0};
+    DmOutputTarget target = {.struct_size = sizeof target, .streams = interleaved, .stream_count = 2};
+    DM(dm_crowd_set_output_target(crowds[0], 0, none, &target));
+    target.streams = in_turn, target.joints = joints.buffer, target.joints_bytes = FRAMES * 192;
+    DM(dm_crowd_set_output_target(crowds[0], 1, skin, &target));
+    target = (DmOutputTarget){.struct_size = sizeof target, .streams = &recomputed, .stream_count = 1};
+    DM(dm_crowd_set_normals_target(crowds[0], 0, surface, &target));
+    target.streams = &plain, target.pose_order = 1;
+    DM(dm_crowd_set_output_target(crowds[1], 0, none, &target));
 
     DmReadback readback;
     DM(dm_readback_create(engine, &readback));
@@ -278,7 +285,7 @@ int main(int argc, char **argv) {
         float weights[TARGETS], *held = weights + 2, *frame_joints = joints.mapped + frame * 48;
         for (uint32_t t = 0; t < TARGETS; t++) weights[t] = (float)((5 * t + 3 * frame) % 8) / 8;
         joints_set(frame_joints, frame);
-        DM(dm_crowd_set_weights(crowds[0], 0, weights, face.targets));
+        for (uint32_t i = 0; i < 2; i++) DM(dm_crowd_set_weights(crowds[0], i, weights, face.targets));
         DM(dm_crowd_set_weights(crowds[1], 0, weights + 2, teeth.targets));
         if (frame == FRAMES - 1) { /* one by one, the teeth alone */
             DM(dm_crowd_set_weight(crowds[1], 0, 0, 0.875f));
@@ -286,7 +293,7 @@ int main(int argc, char **argv) {
             DM(dm_mesh_find_target(meshes[1], "sneer", &sneer));
             DM(dm_crowd_set_weight(crowds[1], 0, sneer, 0.375f));
         }
-        DM(dm_crowd_set_joints(crowds[0], 0, frame * 192));
+        DM(dm_crowd_set_joints(crowds[0], 1, frame * 192));
         DmUpdate updates[2] = {{.struct_size = sizeof *updates}, {.struct_size = sizeof *updates}};
         const uint32_t instance = 0;
         host_begin(&host);
@@ -302,19 +309,21 @@ int main(int argc, char **argv) {
         patch_evaluate(&face, weights, exact);
         DM(dm_mesh_evaluate(meshes[0], weights, TARGETS, reference, (size_t)face.vertices * 6));
         DmOutputView view = {.struct_size = sizeof view};
-        DM(dm_crowd_output(crowds[0], 0, &view));
+        DM(dm_crowd_output(crowds[0], 1, &view));
         if (view.buffer != skinned.buffer || (frame > 0 && view.previous_offset == view.offset))
             fail("the skinned pose", "is elsewhere");
         for (uint32_t v = 0; v < face.vertices; v++) {
-            const float *pose = (const float *)(const void *)(bytes + packed[v] * STRIDE);
+            const float *pose = (const float *)(const void *)(bytes + v * STRIDE);
             note(MORPHED, distance(pose, exact + v * 3) / info.diagonal);
             note(PACKED, distance(pose, reference + v * 6) / info.diagonal);
-            note(PACKED, distance(pose + 3, reference + v * 6 + 3));
-            skinned_check(skinned.mapped + view.offset / 4 + packed[v] * 6, pose, influences + v * INFLUENCES,
+            const double *normal = reference + v * 6 + 3;
+            const double length = sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
+            note(PACKED, distance(pose + 3, (double[3]){normal[0] / length, normal[1] / length, normal[2] / length}));
+            skinned_check(skinned.mapped + view.offset / 4 + v * 6, pose, influences + v * INFLUENCES,
                           influence + v * INFLUENCES, frame_joints);
         }
-        surface_check(&face, packed, normals.mapped, bytes);
-        for (uint32_t v = 0; v < info.padded_vertex_count; v++)
+        surface_check(&face, normals.mapped, bytes);
+        for (uint32_t v = 0; v < face.vertices; v++)
             for (int i = 24; i < STRIDE; i++)
                 if (bytes[v * STRIDE + i] != (char)0xa5) fail("the host's bytes", "were written");
 
@@ -342,7 +351,7 @@ int main(int argc, char **argv) {
     vkDestroyCommandPool(host.device, host.pool, NULL);
     vkDestroyDevice(host.device, NULL);
     vkDestroyInstance(host.instance, NULL);
-    free(packed), free(influences), free(influence), free(exact), free(reference), free(read), free(teeth_packed);
+    free(influences), free(influence), free(exact), free(reference), free(read), free(teeth_packed);
     patch_destroy(&face), patch_destroy(&teeth);
     int failed = 0;
     for (int i = 0; i < ERRORS; i++) {

@@ -10,22 +10,16 @@
 #define HIGH(word) (int(word) >> 16)
 #define WORD(low, high) (uint(low) & 0xffffu | uint(high) << 16)
 
-// Halves of words cannot be stored separately: the numbers are one after the other, wherever the first is.
-#ifndef HAS_OFFSETS
-#define OFFSET_0 0u
-#define STORES(number) true
-#endif
-
 // A vertex in a storage buffer of words, beginning at number `at`.
-#define LOAD_VERTEX(buffer, at, position, normal) LOAD_WORDS_OF(buffer, ((at) + OFFSET_0) / 2u, position, normal)
+#define LOAD_VERTEX(buffer, at, position, normal) LOAD_WORDS_OF(buffer, (at) / 2u, position, normal)
 #define LOAD_WORDS_OF(buffer, word, position, normal) { \
     uint first = word; \
     uint a = buffer[first], b = buffer[first + 1u], c = buffer[first + 2u]; \
     position = ivec3(LOW(a), HIGH(a), LOW(b)); \
     normal = ivec3(HIGH(b), LOW(c), HIGH(c)); \
 }
-#define STORE_VERTEX(buffer, at, position, normal) if (STORES(0u)) { \
-    uint first = ((at) + OFFSET_0) / 2u; \
+#define STORE_VERTEX(buffer, at, position, normal) { \
+    uint first = (at) / 2u; \
     buffer[first] = WORD(position.x, position.y); \
     buffer[first + 1u] = WORD(position.z, normal.x); \
     buffer[first + 2u] = WORD(normal.y, normal.z); \

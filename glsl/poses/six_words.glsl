@@ -3,31 +3,20 @@
 //     NUMBER_OF(word)            the number that has these bits, and the reverse
 //     WORD_OF(number)
 
-// One after the other, unless vertex_offsets.glsl defines others elsewhere.
-#ifndef HAS_OFFSETS
-#define OFFSET_0 0u
-#define OFFSET_1 1u
-#define OFFSET_2 2u
-#define OFFSET_3 3u
-#define OFFSET_4 4u
-#define OFFSET_5 5u
-#define STORES(number) true
-#endif
-
 // A vertex in a storage buffer of numbers, beginning at number `at`.
 #define LOAD_VERTEX(buffer, at, position, normal) { \
     uint first = at; \
-    position = ADDEND(buffer[first + OFFSET_0], buffer[first + OFFSET_1], buffer[first + OFFSET_2]); \
-    normal = ADDEND(buffer[first + OFFSET_3], buffer[first + OFFSET_4], buffer[first + OFFSET_5]); \
+    position = ADDEND(buffer[first], buffer[first + 1u], buffer[first + 2u]); \
+    normal = ADDEND(buffer[first + 3u], buffer[first + 4u], buffer[first + 5u]); \
 }
 #define STORE_VERTEX(buffer, at, position, normal) { \
     uint first = at; \
-    if (STORES(0u)) buffer[first + OFFSET_0] = position.x; \
-    if (STORES(1u)) buffer[first + OFFSET_1] = position.y; \
-    if (STORES(2u)) buffer[first + OFFSET_2] = position.z; \
-    if (STORES(3u)) buffer[first + OFFSET_3] = normal.x; \
-    if (STORES(4u)) buffer[first + OFFSET_4] = normal.y; \
-    if (STORES(5u)) buffer[first + OFFSET_5] = normal.z; \
+    buffer[first] = position.x; \
+    buffer[first + 1u] = position.y; \
+    buffer[first + 2u] = position.z; \
+    buffer[first + 3u] = normal.x; \
+    buffer[first + 4u] = normal.y; \
+    buffer[first + 5u] = normal.z; \
 }
 
 #if defined(POSES_BINDING) && defined(TEXELS)

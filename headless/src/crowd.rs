@@ -357,10 +357,6 @@ impl<'a> HeadlessCrowd<'a> {
             (0..copies).for_each(|_| unsafe { draws.record(cmd, &mut base.shown()) });
             return Ok(());
         }
-        if base.desc().poses.is_some() {
-            let text = "draws of poses in vertices of the host's own, of a layout that is the host's";
-            return Err(Error::invalid(text, "draw them as the host does"));
-        }
         for instance in base.shown() {
             let pose = base.group_pose(instance, 0)?;
             poses.extend(std::iter::repeat_n((pose.buffer, pose.offset), copies as usize));

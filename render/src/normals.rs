@@ -2,10 +2,10 @@
 
 use crate::memory::{Buffer, buffer};
 use crate::scene::{Head, Scale};
-use deltamorph::after::{NormalsTarget, OutputTarget};
+use deltamorph::after::{OutputStream, OutputTarget};
 use deltamorph::ash::vk::BufferUsageFlags as Usage;
 use deltamorph::internals::gpu::device::Device;
-use deltamorph::{Crowd, PackedMesh, Result};
+use deltamorph::{Crowd, PackedMesh, Result, Semantic};
 use deltamorph_headless::Headless;
 use std::sync::Arc;
 
@@ -32,12 +32,15 @@ impl Normals {
         let stride = VERTEX as u32;
         for head in 0..heads {
             let offset = (head * size) as u64;
-            let positions = OutputTarget { offset, stride, ..OutputTarget::new(output.raw) };
-            let normals = NormalsTarget { offset: offset + 12, stride, ..NormalsTarget::new(output.raw) };
+            let stream = |semantic, at| {
+                [OutputStream { offset: offset + at, stride, ..OutputStream::new(semantic, output.raw) }]
+            };
+            let (positions, normals) = (stream(Semantic::Position, 0), stream(Semantic::Normal, 12));
+            let target = |streams| OutputTarget { pose_order: true, ..OutputTarget::new(streams) };
             // SAFETY: no update is running; the buffer is large enough, and lives as long as the crowd.
             unsafe {
-                engine.set_output_target(crowd, head as u32, Some(&positions))?;
-                engine.set_normals_target(crowd, head as u32, Some((&surface, &normals)))?;
+                engine.set_output_target(crowd, head as u32, Some(&target(&positions)))?;
+                engine.set_normals_target(crowd, head as u32, Some((&surface, &target(&normals))))?;
             }
         }
         Ok(Self { output, size })

@@ -12,10 +12,6 @@ use super::formats::{FormatRow, PoseRow};
 /// Most vertex attributes of a module; two of them are the pose.
 pub const ATTRIBUTES_MAX: u32 = 32;
 
-/// Number of specialization constants for the component offsets of a vertex (`glsl/vertex_offsets.glsl`): the last ones
-/// of kernels that support host vertices. The defaults describe engine-owned poses.
-pub const OFFSETS: usize = 8;
-
 /// Shader stage of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
@@ -104,8 +100,6 @@ pub struct KernelRow {
     pub push_bytes: u32,
     /// Number of its own specialization constants, from 0 on.
     pub constants: u32,
-    /// [`OFFSETS`] component-offset constants follow them.
-    pub offsets: bool,
     /// Part of a baseline (package deltamorph-baselines), left out without the feature `baselines`. In this table,
     /// since baselines share its types, the formats' GLSL and the build script.
     pub baseline: bool,
@@ -141,23 +135,30 @@ const VERTEX: KernelRow = KernelRow {
     aliased: &[],
     push_bytes: 0,
     constants: 0,
-    offsets: false,
     baseline: false,
 };
 const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
-/// A post-morph pass that writes poses: those of an instance, pieces, destination.
+/// A post-morph pass that writes poses: those of an instance, pieces, destination, the order of its vertices.
+/// Specialization constants: those of `glsl/after.glsl`.
 const OUTPUT: KernelRow = KernelRow {
     name: "output",
     poses: true,
-    bindings: &[(0, Buffer::Storage), (1, WORD_LIST), (2, Buffer::Storage)],
-    push_bytes: 64,
-    offsets: true,
+    bindings: &[(0, Buffer::Storage), (1, WORD_LIST), (2, Buffer::Storage), (3, WORD_LIST)],
+    push_bytes: 84,
+    constants: 5,
     ..COMPUTE
 };
-/// The same, skinned: then influences, joints. Specialization constant: influences per vertex.
+/// The same, skinned: then influences, joints. A further constant: influences per vertex.
 const SKINNED: KernelRow = KernelRow {
-    bindings: &[(0, Buffer::Storage), (1, WORD_LIST), (2, Buffer::Storage), (3, Buffer::Storage), (4, Buffer::Storage)],
-    constants: 1,
+    bindings: &[
+        (0, Buffer::Storage),
+        (1, WORD_LIST),
+        (2, Buffer::Storage),
+        (3, WORD_LIST),
+        (4, Buffer::Storage),
+        (5, Buffer::Storage),
+    ],
+    constants: 6,
     ..OUTPUT
 };
 /// Tables, state, work list, control: see animation.glsl.
@@ -186,7 +187,6 @@ const CROWD: KernelRow = KernelRow {
     bindings: &[(0, Buffer::Storage), (1, Buffer::Storage), (2, Buffer::Storage), (3, Buffer::Storage)],
     push_bytes: 32,
     constants: 5,
-    offsets: true,
     ..COMPUTE
 };
 /// A draw of baseline `direct`: deltas, weights.
@@ -244,17 +244,16 @@ pub const KERNELS: &[KernelRow] = &[
         bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, Buffer::Storage), (3, POSE_TEXELS), (4, WORD_TEXELS)],
         aliased: &[2, 3],
         constants: 4,
-        offsets: false,
         ..CROWD
     },
     // Post-morph passes.
     OUTPUT,
     KernelRow { suffix: "skin", defines: &["SKIN"], ..SKINNED },
     KernelRow { suffix: "dual", defines: &["SKIN", "DUAL"], ..SKINNED },
-    // Base pose and fans are its fourth buffer.
+    // Base pose and fans are its last buffer.
     KernelRow {
         name: "normals",
-        bindings: &[(0, Buffer::Storage), (1, WORD_LIST), (2, Buffer::Storage), (3, Buffer::Storage)],
+        bindings: &[(0, Buffer::Storage), (1, WORD_LIST), (2, Buffer::Storage), (3, WORD_LIST), (4, Buffer::Storage)],
         ..OUTPUT
     },
     // Baselines. The set of `scatter` and `resolve`: records, sums, base pose, destination.

@@ -20,6 +20,15 @@ shared! {
     /// Vertices of a piece, the unit in which post-morph passes list changes: the smallest block size.
     PIECE: u32 = 32;
 
+    /// Format of an output: three float32 numbers of unit length. Formats 1 to 4 are as many float32 numbers; 0: none.
+    UNIT_FLOATS: u32 = 5;
+    /// Format of an output: three of four SNORM numbers of 16 bits.
+    SNORM16: u32 = 6;
+    /// Format of an output: three of four SNORM numbers of 8 bits.
+    SNORM8: u32 = 7;
+    /// Format of an output: three SNORM numbers of 10 bits in the lower bits of a word.
+    SNORM10: u32 = 8;
+
     /// Most instances of a tile.
     TILE: usize = 8;
     /// Number of tile widths: 1, 2, 4, 8.

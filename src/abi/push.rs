@@ -2,7 +2,7 @@
 
 use super::formats::FormatRow;
 use super::numbers::DENSE_BATCH_MAX;
-use crate::asset::streams::TRIPLES;
+use crate::asset::streams::{GROUP_COMPONENTS, TRIPLES};
 
 /// Declares a structure that a shader reads, with its members in order.
 #[doc(hidden)]
@@ -122,12 +122,11 @@ shader_structure! {
 shader_structure! {
     /// Push constants of post-morph passes, described in `glsl/after.glsl`.
     AfterPush {
-        units: [f32; 4],
-        offset: [f32; 4],
+        units: [f32; GROUP_COMPONENTS],
+        offsets: [f32; GROUP_COMPONENTS],
+        written_at: [u32; 2],
+        strides: [u32; 2],
         pose_at: u32,
-        written_at: u32,
-        stride: u32,
-        normal_at: u32,
         vertices: u32,
         count: u32,
         listed: u32,

@@ -1,9 +1,10 @@
 //! Post-morph passes: they read the poses that an update wrote, and write buffers of the application, for each instance
 //! that has a target.
 //!
-//! - [`OutputTarget`]: a pose as float32, for readers that cannot decode it; or skinned by joints, with linear blending
-//!   or dual quaternions.
-//! - [`NormalsTarget`]: normals of the morphed surface, instead of morphed ones.
+//! - [`MorphEngine::set_output_target`](crate::MorphEngine::set_output_target): streams of a pose in vertices of the
+//!   application, in its formats and order; skinned by joints or not, with linear blending or dual quaternions.
+//! - [`MorphEngine::set_normals_target`](crate::MorphEngine::set_normals_target): normals of the morphed surface,
+//!   instead of morphed ones.
 //!
 //! A pass is recorded with the update, after its own steps. It writes the blocks that the update changed (dense paths
 //! and animated crowds: all of a pose that changed, or may have), or nothing if nothing changed. It writes everything
@@ -23,10 +24,10 @@ mod skin;
 mod steps;
 
 pub(crate) use context::TargetContext;
+pub use normals::GpuNormals;
 #[doc(hidden)]
 pub use normals::normals;
-pub use normals::{GpuNormals, NormalsTarget};
-pub use output::{OutputTarget, OutputView};
+pub use output::{OutputStream, OutputTarget, OutputView};
 #[doc(hidden)]
 pub use skin::skin;
 pub use skin::{GpuSkin, Joints, SkinDesc, SkinMethod};

@@ -1,19 +1,18 @@
-//! The device side of a post-morph pass of one instance: its kernel, what it binds, and its push constants.
+//! A dispatch of a post-morph pass, for one instance: its kernel, what it binds, and its push constants.
 
 use super::context::TargetContext;
 use super::normals::{GpuNormals, Surface};
-use super::output::{Output, OutputTarget};
+use super::output::{OutputTarget, Part};
 use super::pieces::Pieces;
 use super::skin::{SkinMethod, Skinned};
 use crate::abi::modules::{Kernel, NORMALS, OUTPUT, OUTPUT_DUAL, OUTPUT_SKIN};
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::AfterPush;
-use crate::asset::streams::TRIPLE;
+use crate::asset::streams::Semantic;
 use crate::error::{Result, ensure};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Ring;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::vertex::OffsetConstants;
 use crate::pack::{DeltaFormat, PoseFormat};
 use crate::plan::steps::{Source, Work};
 use ash::vk;
@@ -21,6 +20,7 @@ use bytemuck::bytes_of;
 use std::sync::Arc;
 
 /// What a pass reads beside poses.
+#[derive(Clone)]
 pub(super) enum Reads {
     Nothing,
     Skin(Skinned),
@@ -76,20 +76,17 @@ impl Reads {
 struct Key {
     kernel: &'static Kernel,
     pose: PoseFormat,
-    influences: u32,
-    /// Component offsets in host vertices; `None`: the kernel's defaults.
-    offsets: Option<OffsetConstants>,
+    /// Specialization constants: whether vertices are reordered, streams, influences.
+    constants: [u32; 6],
 }
 
 impl PipelineKey for Key {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let Self { kernel, pose, influences, offsets } = self;
+        let Self { kernel, pose, constants } = self;
         objects.add_layout(&[kernel.row], 0)?;
-        let own = &[influences][..kernel.row.constants as usize];
-        let offsets = offsets.as_ref().map_or(&[][..], |offsets| offsets);
         // Passes read no deltas: the module is the same for every delta format.
         let module = kernel.module(DeltaFormat::Float32.row(), pose.row(), 0)?;
-        objects.add_compute(module, &[&[own, offsets].concat()])
+        objects.add_compute(module, &[&constants[..kernel.row.constants as usize]])
     }
 }
 
@@ -97,7 +94,7 @@ pub(super) struct Pass {
     kernel: Arc<Pipelines<Key>>,
     /// By list and output buffer.
     sets: Sets,
-    pub outputs: Vec<Output>,
+    pub part: Part,
     pub reads: Reads,
     push: AfterPush,
     /// Numbers per pose, padding included.
@@ -105,38 +102,42 @@ pub(super) struct Pass {
 }
 
 impl Pass {
-    /// A pass with lists of pieces in `lists`, and one or two output buffers of the same layout. What it reads begins
-    /// at `reads_at`: the index of the first vector of joints, or of the first word of fans.
+    /// A pass that writes `part`, with lists of pieces in `lists`. `order`: the vertices of the mesh in the order of
+    /// poses; `None`: outputs have the order of poses. What the pass reads begins at `reads_at`: the index of the first
+    /// vector of joints, or of the first word of fans.
     pub fn new(
         context: &TargetContext<'_>,
+        part: Part,
         lists: &Ring,
-        outputs: Vec<Output>,
+        order: Option<BufferRange>,
         (reads, reads_at): (Reads, u32),
     ) -> Result<Self> {
-        let layout = context.layout();
-        let poses = context.group.poses;
+        let poses = context.groups[part.group].poses;
         let (kernel, influences, ranges) = reads.bound();
-        let offsets = poses.offset_constants();
-        let kernel = context.kernels.get(Key { kernel, pose: poses.format, influences, offsets })?;
+        let [a, b, c, d] = part.constants();
+        let constants = [order.is_some().into(), a, b, c, d, influences];
+        let kernel = context.kernels.get(Key { kernel, pose: poses.format, constants })?;
         let list = |frame| BufferRange { size: 4 * u64::from(context.pieces()), ..lists.range(frame) };
-        let set = |frame, output: &Output| {
-            let own = [context.poses(), list(frame), output.range(layout)];
+        let set = |frame, output| {
+            let list = list(frame);
+            let own = [poses.range(context.instance, 1), list, part.range(output), order.unwrap_or(list)];
             own.into_iter().chain(ranges.clone()).collect::<Vec<_>>()
         };
         let frames = 0..u64::from(context.frames);
-        let bound: Vec<_> = frames.flat_map(|frame| outputs.iter().map(move |output| set(frame, output))).collect();
-        let [[x, y, z, normal, ..], [a, b, c, ..]] = poses.scale();
+        let outputs = part.outputs();
+        let bound: Vec<_> = frames.flat_map(|frame| (0..outputs).map(move |output| (frame, output))).collect();
+        let bound: Vec<_> = bound.into_iter().map(|(frame, output)| set(frame, output)).collect();
+        let [units, offsets] = poses.scale();
         let push = AfterPush {
-            units: [x, y, z, normal],
-            offset: [a, b, c, 0.0],
-            stride: outputs[0].stride / 4,
-            normal_at: outputs[0].second.unwrap_or(0) / 4,
-            vertices: layout.vertex_count as u32,
+            units,
+            offsets,
+            strides: part.strides(),
+            vertices: context.layout().vertex_count as u32,
             reads_at,
             // The rest is of each dispatch.
             ..Default::default()
         };
-        Ok(Self { sets: kernel.objects.sets(&bound)?, kernel, outputs, reads, push, pose_numbers: poses.numbers() })
+        Ok(Self { sets: kernel.objects.sets(&bound)?, kernel, part, reads, push, pose_numbers: poses.numbers() })
     }
 
     /// Sets the offset of the joints; `None` if there are none.
@@ -159,40 +160,43 @@ impl Pass {
         };
         let push = AfterPush {
             pose_at: slot * self.pose_numbers,
-            written_at: self.outputs[output].first_word(),
+            written_at: self.part.first_words(output),
             count,
             listed: is_listed.into(),
             ..self.push
         };
         let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
-        let set = self.sets.get(frame as usize * self.outputs.len() + output);
+        let set = self.sets.get(frame as usize * self.part.outputs() + output);
         // SAFETY: the caller's obligations; the list was made for this frame, and the set for this layout.
         unsafe { self.kernel.objects.dispatch(cmd, 0, (set, &[]), bytes_of(&push), workgroups) };
     }
 }
 
 impl TargetContext<'_> {
-    /// Checks outputs and the room for joints; poses against the storage range; and pieces against the device's texels
-    /// and workgroups. `what` names the target in errors.
-    pub(super) fn check(&self, what: &str, outputs: &[Output], reads: &Reads) -> Result<()> {
+    /// Checks poses against the storage range; pieces against the device's texels and workgroups; and the room for
+    /// outputs and joints. `what` names the target in errors.
+    pub(super) fn check(&self, what: &str, parts: &[Part], reads: &Reads) -> Result<()> {
         let caps = &self.device.caps;
-        let poses = &self.group.poses;
         let name = &self.layout().name;
-        let normals = outputs.iter().any(|output| output.second.is_some());
-        let fits = !normals || poses.offsets.bytes(poses.format)[TRIPLE].is_some();
-        let text = format!("normals of mesh '{name}' in {what}, which the host's vertices do not have");
-        ensure!(fits, text, "add Semantic::Normal to the VertexLayout, or use a target without normals");
         let of = format!("{what} for mesh '{name}':");
-        let limit = (self.poses().size, "bytes", caps.max_storage_range);
-        caps.check_limit(&format!("{of} the slots of one instance take"), limit, "use fewer slots")?;
+        for part in parts {
+            let limit = (self.groups[part.group].poses.range_bytes(1), "bytes", caps.max_storage_range);
+            caps.check_limit(&format!("{of} the slots of one instance take"), limit, "use fewer slots")?;
+        }
         let texels = (self.pieces().into(), "texels", caps.max_texels.into());
         caps.check_limit(&format!("{of} its list takes"), texels, "split the mesh")?;
         let workgroups = self.pieces().div_ceil(WORKGROUP / PIECE);
         let limit = (workgroups.into(), "workgroups", caps.max_workgroups.into());
         caps.check_limit(&format!("{of} it takes"), limit, "split the mesh")?;
-        outputs.iter().try_for_each(|output| output.check(what, self.layout(), self.device))?;
+        for (part, output) in parts.iter().flat_map(|part| (0..part.outputs()).map(move |output| (part, output))) {
+            part.range(output).check_room(self.device, &format!("{what} for mesh '{name}'"))?;
+        }
         match reads {
-            Reads::Skin(skin) => skin.joints.check_room(self.device, &format!("{of} the range of joints")),
+            Reads::Skin(skin) => {
+                let is_tangent = parts.iter().any(|part| part.has(Semantic::Tangent));
+                ensure!(!is_tangent, format!("{of} skinned tangents"), "compute them from normals in the shader");
+                skin.joints.check_room(self.device, &format!("{of} the range of joints"))
+            }
             Reads::Nothing | Reads::Surface(_) => Ok(()),
         }
     }

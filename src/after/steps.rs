@@ -1,12 +1,14 @@
 //! A crowd's targets of post-morph passes, and the planning of the passes.
 
 use super::context::TargetContext;
-use super::normals::{GpuNormals, NormalsTarget};
-use super::output::{Output, OutputTarget, OutputView};
+use super::normals::GpuNormals;
+use super::output::{OutputTarget, OutputView, Part};
 use super::pass::{Pass, Reads};
 use super::pieces::Pieces;
 use crate::abi::numbers::PIECE;
-use crate::error::{Error, Result, refuse};
+use crate::asset::streams::Semantic;
+use crate::error::{Error, Result, ensure, refuse};
+use crate::gpu::descriptors::BufferRange;
 use crate::gpu::memory::Ring;
 use crate::plan::earlier::Earlier;
 use crate::plan::instances::{Instances, OutputChange};
@@ -19,7 +21,8 @@ use std::ops::Range;
 struct Target {
     kind: PostMorphPass,
     instance: u32,
-    pass: Pass,
+    /// At least one.
+    passes: Vec<Pass>,
     /// Ring of lists of changed pieces, for the kernels.
     lists: Ring,
     /// Changed pieces of the pose, and the pieces to write for them.
@@ -51,6 +54,8 @@ struct Target {
 #[derive(Default)]
 pub(crate) struct After {
     targets: Vec<Target>,
+    /// The vertices of the mesh in the order of poses, once a target needs them.
+    order: Option<Ring>,
     /// Scratch memory.
     changed: Vec<Range<u32>>,
 }
@@ -61,13 +66,7 @@ impl After {
     /// # Errors
     /// An invalid target or skin; no memory. Nothing changes then.
     pub fn set_output(&mut self, context: &TargetContext<'_>, target: &OutputTarget<'_>) -> Result<()> {
-        self.set(
-            context,
-            PostMorphPass::Output,
-            "an output target",
-            target.outputs(),
-            Reads::of_output(target, context)?,
-        )
+        self.set(context, PostMorphPass::Output, "an output target", target, Reads::of_output(target, context)?)
     }
 
     /// Sets the target for the normals of an instance.
@@ -77,17 +76,13 @@ impl After {
     pub fn set_normals(
         &mut self,
         context: &TargetContext<'_>,
-        (normals, target): (&GpuNormals, &NormalsTarget),
+        (normals, target): (&GpuNormals, &OutputTarget<'_>),
     ) -> Result<()> {
-        let NormalsTarget { buffer, offset, stride } = *target;
-        let output = Output { buffer, offset, stride, second: None };
-        self.set(
-            context,
-            PostMorphPass::Normals,
-            "a normals target",
-            vec![output],
-            Reads::of_normals(normals, context)?,
-        )
+        let is_normals = matches!(target.streams, [stream] if stream.semantic == Semantic::Normal);
+        let fits = is_normals && target.joints.is_none();
+        let remedy = "name Semantic::Normal as its only stream, and no joints";
+        ensure!(fits, "a normals target with other streams or with joints", remedy);
+        self.set(context, PostMorphPass::Normals, "a normals target", target, Reads::of_normals(normals, context)?)
     }
 
     fn set(
@@ -95,22 +90,29 @@ impl After {
         context: &TargetContext<'_>,
         kind: PostMorphPass,
         what: &str,
-        outputs: Vec<Output>,
-        reads: (Reads, u32),
+        target: &OutputTarget<'_>,
+        (reads, reads_at): (Reads, u32),
     ) -> Result<()> {
-        context.check(what, &outputs, &reads.0)?;
+        let parts = Part::of(what, target.streams, context)?;
+        context.check(what, &parts, &reads)?;
         let TargetContext { instance, frames, .. } = *context;
         let changed = Pieces::none(context.pieces());
         let list_bytes = Ring::part_bytes(4 * u64::from(changed.count()));
         let usage = vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
         let lists = Ring::new(context.device, "deltamorph changed pieces", list_bytes, frames, usage)?;
-        let other_stale = (outputs.len() == 2).then(|| changed.clone());
-        let pass = Pass::new(context, &lists, outputs, reads)?;
+        let other_stale = (parts[0].outputs() == 2).then(|| changed.clone());
+        let order = if target.pose_order { None } else { self.order(context)? };
+        let passes = parts.into_iter().map(|part| {
+            // Only positions and normals are skinned.
+            let reads = if part.group == 0 { reads.clone() } else { Reads::Nothing };
+            Pass::new(context, part, &lists, order, (reads, reads_at))
+        });
+        let passes = passes.collect::<Result<_>>()?;
         self.unset(kind, instance);
         self.targets.push(Target {
             kind,
             instance,
-            pass,
+            passes,
             lists,
             other_stale,
             moved: changed.clone(),
@@ -128,6 +130,27 @@ impl After {
             is_listed: false,
         });
         Ok(())
+    }
+
+    /// The vertices of the mesh in the order of poses, on the device; `None` if the orders are the same.
+    ///
+    /// # Errors
+    /// A mesh of more vertices than a texel buffer holds; no memory.
+    fn order(&mut self, context: &TargetContext<'_>) -> Result<Option<BufferRange>> {
+        let Some(blocks) = &context.layout().blocks else { return Ok(None) };
+        let order = blocks.order();
+        let bytes = 4 * order.len() as u64;
+        let caps = &context.device.caps;
+        let texels = (order.len() as u64, "texels", caps.max_texels.into());
+        let what = format!("an output of mesh '{}' in the order of the mesh takes", context.layout().name);
+        caps.check_limit(&what, texels, "use the order of poses, or split the mesh")?;
+        if self.order.is_none() {
+            let usage = vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
+            let mut made = Ring::new(context.device, "deltamorph vertex order", Ring::part_bytes(bytes), 1, usage)?;
+            made.words(0)?[..order.len()].copy_from_slice(order);
+            self.order = Some(made);
+        }
+        Ok(self.order.as_ref().map(|ring| BufferRange { size: bytes, ..ring.range(0) }))
     }
 
     pub fn unset(&mut self, kind: PostMorphPass, instance: u32) {
@@ -151,9 +174,11 @@ impl After {
     /// An instance that is not skinned; an invalid offset.
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
         for target in self.of(instance).filter(|target| !target.is_removed) {
-            if let Some(set) = target.pass.set_joints(offset) {
-                target.is_moved |= set.is_ok();
-                return set;
+            let mut set = target.passes.iter_mut().filter_map(|pass| pass.set_joints(offset)).peekable();
+            if set.peek().is_some() {
+                set.collect::<Result<()>>()?;
+                target.is_moved = true;
+                return Ok(());
             }
         }
         refuse(format!("instance {instance} is not skinned"), "set an output target with joints")
@@ -170,9 +195,9 @@ impl After {
             let text = format!("instance {instance} has no output");
             Error::invalid(text, "set an output target, and record an update")
         };
-        let Target { pass, output, previous, .. } = found.ok_or_else(none)?;
-        let at = |output: usize| (pass.outputs[output].buffer, pass.outputs[output].offset);
-        Ok(OutputView { current: at(*output), previous: previous.map(at) })
+        let Target { passes, output, previous, .. } = found.ok_or_else(none)?;
+        let at = |output: usize| passes[0].part.place(output);
+        Ok(OutputView { current: at(*output).ok_or_else(none)?, previous: previous.and_then(at) })
     }
 
     /// Takes a change of the outputs of an instance. Buffers of a removed one stay alive for earlier updates; the host
@@ -219,7 +244,9 @@ impl After {
             }
             let Some((slot, _)) = technique.slots_of(instances, instance) else { continue };
             changed.clear();
-            technique.state().changed(instances, id.update, target.instance, changed);
+            for pass in &target.passes {
+                technique.state().changed(instances, id.update, target.instance, pass.part.group, changed);
+            }
             target.plan(changed, slot, id)?;
         }
         // If no pose changes: steps without works, for barriers after the earlier update.
@@ -232,12 +259,14 @@ impl After {
             }
             std::mem::take(&mut earlier).iter().for_each(|uses| steps.step(uses));
             steps.step(kind.uses());
-            for (&Target { instance, output, .. }, (slot, count)) in planned() {
-                let owner = Owner::Pass(kind);
-                let source = Source::Slot(slot);
-                let destination = output as u32;
-                let items = 0..count;
-                steps.push(Work { owner, kernel: 0, group: 0, instance, source, destination, items });
+            for (&Target { instance, output, ref passes, .. }, (slot, count)) in planned() {
+                for (kernel, pass) in (0..).zip(passes) {
+                    let owner = Owner::Pass(kind);
+                    let group = pass.part.group as u32;
+                    let source = Source::Slot(slot);
+                    let destination = output as u32;
+                    steps.push(Work { owner, kernel, group, instance, source, destination, items: 0..count });
+                }
             }
         }
         Ok(())
@@ -250,9 +279,10 @@ impl After {
     #[allow(unsafe_code)]
     pub unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: PostMorphPass, work: &Work) {
         let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance));
-        if let Some(target) = target {
+        if let Some((target, pass)) = target.and_then(|target| Some((target, target.passes.get(work.kernel as usize)?)))
+        {
             // SAFETY: the caller's obligations.
-            unsafe { target.pass.record(cmd, frame, work, target.is_listed) };
+            unsafe { pass.record(cmd, frame, work, target.is_listed) };
         }
     }
 }
@@ -264,7 +294,7 @@ impl Target {
         self.moved.clear();
         self.changed.clear();
         changed.iter().for_each(|range| self.moved.add(range.start / PIECE..range.end.div_ceil(PIECE)));
-        self.pass.reads.spread(&self.moved, &mut self.changed);
+        self.passes[0].reads.spread(&self.moved, &mut self.changed);
         if std::mem::take(&mut self.is_moved) || self.is_stale {
             self.changed.add(0..all);
         }

@@ -8,7 +8,7 @@ mod sums;
 mod workers;
 
 use crate::crowd::crowd_methods;
-use crate::error::{Error, Result, ensure, refuse};
+use crate::error::{Error, Result, refuse};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::instances::{InstanceState, Instances, OutputChange, check_weight, check_weights};
@@ -73,14 +73,12 @@ impl CpuCrowd {
     /// `threads`: 0 uses one per core; without the feature `threads` the calling thread does all work.
     ///
     /// # Errors
-    /// Errors of [`UpdateDesc::check`]; a path other than [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); poses in
-    /// the host's vertices; threads that cannot be started; not enough memory for the poses. Dense formats: an error
-    /// budget, or fixed-point poses. Block formats: fixed-point poses that could overflow.
+    /// Errors of [`UpdateDesc::check`]; a path other than [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu);
+    /// threads that cannot be started; not enough memory for the poses. Dense formats: an error budget, or fixed-point
+    /// poses. Block formats: fixed-point poses that could overflow.
     pub fn new(mesh: Arc<PackedMesh>, desc: &CrowdDesc, threads: usize) -> Result<Self> {
-        let CrowdDesc { instances, update: desc, poses, .. } = *desc;
+        let CrowdDesc { instances, update: desc, .. } = *desc;
         desc.check_all(mesh.layout(), Runner::Cpu)?;
-        let text = "poses of a CpuCrowd in the host's vertices";
-        ensure!(poses.is_none(), text, "leave CrowdDesc::poses out, and copy them from CpuCrowd::pose");
         let layout = mesh.layout();
         let count = instances as usize;
         check_memory(&mesh, desc.pose, instances, desc.slots)?;

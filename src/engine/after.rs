@@ -2,7 +2,7 @@
 
 use super::MorphEngine;
 use super::base::Crowd;
-use crate::after::{After, GpuNormals, GpuSkin, NormalsTarget, OutputTarget, SkinDesc, TargetContext};
+use crate::after::{After, GpuNormals, GpuSkin, OutputTarget, SkinDesc, TargetContext};
 use crate::error::Result;
 use crate::pack::PackedMesh;
 use crate::plan::steps::PostMorphPass;
@@ -64,10 +64,22 @@ impl MorphEngine {
         unsafe { GpuNormals::upload(&self.device, cmd, mesh) }
     }
 
-    /// Writes the pose of an instance as float32 into an output buffer of the application, from the next recorded
-    /// update on, skinned if the target names [joints](OutputTarget::joints): for any pose format and both kinds of
-    /// crowd; also for ray tracing, picking, or shaders that cannot decode poses. `None` removes the target. See
+    /// Writes streams of an instance's pose into vertices of the application, from the next recorded update on, skinned
+    /// if the target names [joints](OutputTarget::joints): for any pose format, any path with poses, and both kinds of
+    /// crowd. Draws, ray tracing and picking then read the application's buffers. `None` removes the target. See
     /// [`after`](crate::after) for what is written when.
+    ///
+    /// ```no_run
+    /// # use deltamorph::after::{OutputStream, OutputTarget};
+    /// # use deltamorph::{ash::vk, Crowd, MorphEngine, Result, Semantic};
+    /// /// Position, normal and texture coordinates in vertices of 32 bytes, in the order of the mesh.
+    /// fn morph_vertices(engine: &MorphEngine, crowd: &mut Crowd, vertices: vk::Buffer) -> Result<()> {
+    ///     let of = |semantic, offset| OutputStream { offset, stride: 32, ..OutputStream::new(semantic, vertices) };
+    ///     let streams = [of(Semantic::Position, 0), of(Semantic::Normal, 12)];
+    ///     // SAFETY: the buffer is a storage buffer with room for all vertices, and outlives the crowd.
+    ///     unsafe { engine.set_output_target(crowd, 0, Some(&OutputTarget::new(&streams))) }
+    /// }
+    /// ```
     ///
     /// All vertices are written after joints moved ([`Crowd::set_joints`]). To build acceleration structures from the
     /// output, add [`ACCELERATION_STRUCTURES`](crate::Consumers::ACCELERATION_STRUCTURES) to the consumers.
@@ -77,11 +89,12 @@ impl MorphEngine {
     /// skins runs.
     ///
     /// # Errors
-    /// An instance out of range or removed; a crowd of another engine; a direct path, which has no poses; an invalid
-    /// offset or stride; a range beyond the device's storage range, or beyond the end of the buffer as far as
-    /// `vkGetBufferMemoryRequirements` tells; more pieces of 32 vertices than a texel buffer of the device holds (at
-    /// least 65,536); a skin of another engine or mesh, or of another packing of the mesh; joints beyond the end of
-    /// their buffer. Nothing changes then.
+    /// An instance out of range or removed; a crowd of another engine; a direct path, which has no poses; a stream that
+    /// the mesh does not have; an invalid format, offset or stride; skinned tangents; a range beyond the device's
+    /// storage range, or beyond the end of the buffer as far as `vkGetBufferMemoryRequirements` tells; more pieces of
+    /// 32 vertices, or in the order of the mesh more vertices, than a texel buffer of the device holds (at least
+    /// 65,536); a skin of another engine or mesh, or of another packing of the mesh; joints beyond the end of their
+    /// buffer. Nothing changes then.
     ///
     /// # Safety
     /// - The buffers belong to the engine's device and have storage buffer usage. They are large enough for everything
@@ -99,9 +112,10 @@ impl MorphEngine {
         self.set_target(crowd, instance, PostMorphPass::Output, target, After::set_output)
     }
 
-    /// Computes the normals of an instance's pose from its morphed surface into an output buffer of the application,
-    /// from the next recorded update on: area-weighted as on import, equal for welded vertices, of unit length. `None`
-    /// removes the target. See [`after`](crate::after) for what is written when.
+    /// Computes the normals of an instance's pose from its morphed surface into vertices of the application, from the
+    /// next recorded update on: area-weighted as on import, equal for welded vertices, of unit length. The target has
+    /// one stream, [`Semantic::Normal`](crate::Semantic::Normal), and no joints; `None` removes it. See
+    /// [`after`](crate::after) for what is written when.
     ///
     /// A vertex whose triangles all have zero area gets its base normal. Pieces of 32 vertices that share a triangle
     /// with changed ones are written too.
@@ -116,7 +130,7 @@ impl MorphEngine {
         &self,
         crowd: &mut Crowd,
         instance: u32,
-        target: Option<(&GpuNormals, &NormalsTarget)>,
+        target: Option<(&GpuNormals, &OutputTarget<'_>)>,
     ) -> Result<()> {
         self.set_target(crowd, instance, PostMorphPass::Normals, target, After::set_normals)
     }
@@ -133,9 +147,9 @@ impl MorphEngine {
         crowd.instances.check(instance)?;
         crowd.check_has_poses()?;
         let Crowd { after, groups, steps, desc, .. } = crowd;
-        let (device, kernels, group, frames) = (&self.device, &self.kernels, &groups[0], desc.frames_in_flight);
+        let (device, kernels, frames) = (&self.device, &self.kernels, desc.frames_in_flight);
         match target {
-            Some(target) => set(after, &TargetContext { device, kernels, group, frames, instance }, target)?,
+            Some(target) => set(after, &TargetContext { device, kernels, groups, frames, instance }, target)?,
             None => after.unset(kind, instance),
         }
         steps.read_besides(after.outputs());

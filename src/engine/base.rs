@@ -4,7 +4,6 @@ use super::poses;
 use super::upload::GpuMesh;
 use super::views::PoseView;
 use crate::after::After;
-use crate::asset::streams::{Semantic, StreamPlace};
 use crate::crowd::crowd_methods;
 use crate::error::{Error, Result, ensure};
 use crate::gpu::device::Device;
@@ -243,17 +242,6 @@ impl Crowd {
     pub fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<PoseView>> {
         let (_, previous) = self.slots_of(instance)?;
         Ok(previous.filter(|_| self.technique().draws(0).is_none()).map(|slot| self.view(instance, slot, group)))
-    }
-
-    /// The group that contains a stream, and the stream's place in it.
-    pub(super) fn place(&self, semantic: Semantic) -> Result<(usize, StreamPlace)> {
-        let groups = self.groups.iter().enumerate();
-        let streams = groups.flat_map(|(group, of)| of.mesh.layout.streams.iter().map(move |place| (group, *place)));
-        streams.clone().find(|(_, place)| place.semantic == semantic).ok_or_else(|| {
-            let names: Vec<String> = streams.map(|(_, place)| place.semantic.to_string()).collect();
-            let text = format!("stream '{semantic}' of mesh '{}'", self.layout().name);
-            Error::invalid(text, format!("it has {}", names.join(", ")))
-        })
     }
 
     /// Slots of an instance's pose and previous pose.

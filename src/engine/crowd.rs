@@ -9,11 +9,12 @@ use crate::error::{Error, Result};
 use crate::pack::PackedMesh;
 use crate::update::animated::{Animated, Clips, Playback};
 use crate::update::crowd::CrowdDesc;
+use crate::update::technique::place_of;
 use std::any::Any;
 
 impl Crowd {
-    /// Bytes of device memory for the poses of a crowd, in all groups of the mesh and in engine-owned or host buffers
-    /// ([`CrowdDesc::poses`]). On a direct path one pose, for captures.
+    /// Bytes of device memory for the poses of a crowd, in all groups of the mesh. On a direct path one pose,
+    /// for captures.
     pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
         poses::bytes(mesh.layouts(), desc)
     }
@@ -22,12 +23,11 @@ impl Crowd {
     /// and fixed for the crowd's life; [`pose`](Self::pose) returns the current slot of an instance.
     ///
     /// # Errors
-    /// A direct path, which has no pose buffers; a stream that the mesh does not have, or the host's vertices do not
-    /// store.
+    /// A direct path, which has no pose buffers; a stream that the mesh does not have.
     pub fn pose_buffer(&self, semantic: Semantic) -> Result<PoseBuffer> {
         self.check_has_poses()?;
-        let (group, place) = self.place(semantic)?;
-        PoseBuffer::new(&self.groups[group].poses, place)
+        let (group, place) = place_of(&self.groups, semantic)?;
+        Ok(PoseBuffer::new(&self.groups[group].poses, place))
     }
 
     /// The description that the crowd was created with.
@@ -57,10 +57,10 @@ impl Crowd {
     /// A stream of the [pose](Self::pose) of `instance`.
     ///
     /// # Errors
-    /// Those of [`pose`](Self::pose); a stream that the mesh does not have, or the host's vertices do not store.
+    /// Those of [`pose`](Self::pose); a stream that the mesh does not have.
     pub fn stream(&self, instance: u32, semantic: Semantic) -> Result<StreamView> {
-        let (group, place) = self.place(semantic)?;
-        self.group_pose(instance, group)?.stream(place)
+        let (group, place) = place_of(&self.groups, semantic)?;
+        Ok(self.group_pose(instance, group)?.stream(place))
     }
 
     /// A stream of the [previous pose](Self::previous_pose) of `instance`.
@@ -68,8 +68,8 @@ impl Crowd {
     /// # Errors
     /// Those of [`stream`](Self::stream).
     pub fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<StreamView>> {
-        let (group, place) = self.place(semantic)?;
-        self.previous_group_pose(instance, group)?.map(|pose| pose.stream(place)).transpose()
+        let (group, place) = place_of(&self.groups, semantic)?;
+        Ok(self.previous_group_pose(instance, group)?.map(|pose| pose.stream(place)))
     }
 
     /// Sets new joints of a skinned instance from the next recorded update on: those at byte `offset` (a multiple of

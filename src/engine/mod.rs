@@ -142,10 +142,9 @@ impl MorphEngine {
     ///
     /// # Errors
     /// A mesh of another engine; a path or batch size that the device does not support (the message names an
-    /// alternative); host vertices ([`CrowdDesc::poses`]) that do not match the mesh or the path, or whose buffer is
-    /// too small, as far as `vkGetBufferMemoryRequirements` tells; usages ([`CrowdDesc::pose_usage`]) that the device
-    /// does not allow; a [queue family](CrowdDesc::queue_family) that does not exist, lacks what the path needs,
-    /// or is not one of the engine's; no memory.
+    /// alternative); usages ([`CrowdDesc::pose_usage`]) that the device does not allow; a [queue
+    /// family](CrowdDesc::queue_family) that does not exist, lacks what the path needs, or is not one of the engine's;
+    /// no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
@@ -160,7 +159,7 @@ impl MorphEngine {
         ensure!(is_its_own, text, "upload it with the engine that makes the crowd");
         mesh.layouts().try_for_each(|layout| desc.update.check_all(layout, runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
-        desc.check_poses(mesh.layouts(), &self.device)?;
+        desc.check_pose_usage(&self.device)?;
         desc.check_queue(&self.device)?;
         let path = desc.update.path;
         let fits = mesh.groups[0].private.is_some() == path.row().has_own_upload;

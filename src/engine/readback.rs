@@ -75,7 +75,6 @@ impl PoseReadback {
     ///   crowd recorded so far, and before later ones.
     /// - Everything recorded with this value before has finished, or will never run.
     /// - This value and the crowd live until the device has finished.
-    /// - A host buffer of poses has transfer source usage.
     pub unsafe fn record(&mut self, cmd: vk::CommandBuffer, crowd: &Crowd, instances: &[u32]) -> Result<()> {
         crowd.check_device(&self.device)?;
         let groups = 0..crowd.groups.len();
@@ -168,7 +167,7 @@ impl PoseReadback {
         let bytes: &[u8] = buffer.mapped()?;
         let decode = |CopiedPose { mesh, view, at, grid, .. }: &CopiedPose| {
             let pose = &bytes[*at as usize..][..view.size as usize];
-            mesh.layout.to_user_order(&view.format.decode(&view.tight(pose), grid.as_ref()))
+            mesh.layout.to_user_order(&view.format.decode(pose, grid.as_ref()))
         };
         Ok(self.copies.iter().map(decode).collect())
     }

@@ -1,22 +1,19 @@
 //! Locations of poses and streams in buffers, for hosts that read them.
 
 use crate::asset::streams::StreamPlace;
-use crate::error::{Result, refuse};
-use crate::pack::vertex::VertexOffsets;
 use crate::pack::{POSE_FLOATS, PoseFormat};
 use crate::update::technique::Poses;
 use ash::vk;
 use glam::{Mat4, Vec3};
-use std::borrow::Cow;
 
 /// Location of a pose, with numbers in its [`PoseFormat`]: value = offset + number × unit, in input units. Positions
 /// are relative to [`PackedLayout::origin`](crate::PackedLayout::origin); normals are not normalised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseView {
-    /// The buffer. Engine-owned ones have vertex, storage and transfer source usage.
+    /// The buffer, with vertex, storage and transfer source usage.
     pub buffer: vk::Buffer,
-    /// Byte offset of the first vertex: a multiple of 256 in an engine-owned pose buffer, of 4 in a host buffer.
+    /// Byte offset of the first vertex, a multiple of 256.
     pub offset: u64,
     /// Bytes, padding included.
     pub size: u64,
@@ -24,9 +21,6 @@ pub struct PoseView {
     pub stride: u32,
     /// The pose format.
     pub format: PoseFormat,
-    /// Byte offset in a vertex of each of its six components (position, then normal); `None`: not stored in the host's
-    /// vertices.
-    pub components: [Option<u32>; POSE_FLOATS],
     /// Input units per number, by component; 1 for float32. The same for all poses of a crowd.
     pub units: [f32; POSE_FLOATS],
     /// The value of number 0, by component: 0 for float32 and for directions. The same for all poses of a crowd.
@@ -39,7 +33,7 @@ pub struct PoseView {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct StreamView {
-    /// The buffer. Engine-owned ones have vertex, storage and transfer source usage.
+    /// The buffer, with vertex, storage and transfer source usage.
     pub buffer: vk::Buffer,
     /// Byte offset of the first vertex's first component.
     pub offset: u64,
@@ -66,9 +60,8 @@ impl PoseView {
             buffer: poses.buffer,
             offset: poses.offset(instance, slot),
             size: poses.bytes,
-            stride: poses.offsets.stride(poses.format),
+            stride: poses.format.stride() as u32,
             format: poses.format,
-            components: poses.offsets.bytes(poses.format),
             slot,
         }
     }
@@ -81,41 +74,16 @@ impl PoseView {
         Mat4::from_translation(vector(self.offsets)) * Mat4::from_scale(vector(self.units))
     }
 
-    /// The components of a stored pose without gaps; zeros for those that are not stored.
-    pub(super) fn tight<'a>(&self, stored: &'a [u8]) -> Cow<'a, [u8]> {
-        if self.components == VertexOffsets::TIGHT.bytes(self.format)
-            && self.stride == VertexOffsets::TIGHT.stride(self.format)
-        {
-            return Cow::Borrowed(stored);
-        }
-        let (number, mut tight) = (self.format.number_bytes(), vec![]);
-        for vertex in stored.chunks_exact(self.stride as usize) {
-            for at in self.components {
-                match at {
-                    Some(at) => tight.extend_from_slice(&vertex[at as usize..][..number]),
-                    None => tight.resize(tight.len() + number, 0),
-                }
-            }
-        }
-        Cow::Owned(tight)
-    }
-
-    /// # Errors
-    /// It is not stored.
-    pub(super) fn stream(self, place: StreamPlace) -> Result<StreamView> {
+    pub(super) fn stream(self, place: StreamPlace) -> StreamView {
         let Self { buffer, stride, format, slot, .. } = self;
-        let Some(at) = self.components[place.first] else {
-            let text = format!("stream '{}', which the application's vertices do not contain", place.semantic);
-            return refuse(text, "add it to the VertexLayout");
-        };
         let components = place.components();
         let mut units = [1.0; 4];
         let mut offsets = [0.0; 4];
         units[..components.len()].copy_from_slice(&self.units[components.clone()]);
         offsets[..components.len()].copy_from_slice(&self.offsets[components.clone()]);
-        let offset = self.offset + u64::from(at);
+        let offset = self.offset + format.offset(place.first) as u64;
         let components = components.len() as u32;
-        Ok(StreamView { buffer, offset, components, format, units, offsets, stride, slot })
+        StreamView { buffer, offset, components, format, units, offsets, stride, slot }
     }
 }
 
@@ -128,20 +96,20 @@ pub struct PoseBuffer {
     pub first: StreamView,
     /// Bytes from pose to pose.
     pub pose_stride: u64,
-    /// Usage flags of the buffer; empty (unknown) for a host's buffer.
+    /// Usage flags of the buffer.
     pub usage: vk::BufferUsageFlags,
-    /// Byte offset and size of the poses of all instances; groups share the host's vertices.
+    /// Byte offset and size of the poses of all instances.
     pub poses: (u64, u64),
 }
 
 impl PoseBuffer {
-    pub(super) fn new(poses: &Poses, place: StreamPlace) -> Result<Self> {
+    pub(super) fn new(poses: &Poses, place: StreamPlace) -> Self {
         let pose = PoseView::new(poses, 0, 0);
-        Ok(Self {
-            first: pose.stream(place)?,
+        Self {
+            first: pose.stream(place),
             pose_stride: poses.bytes,
             usage: poses.usage,
-            poses: (pose.offset, poses.range_bytes(poses.instances) - poses.lead),
-        })
+            poses: (pose.offset, poses.range_bytes(poses.instances)),
+        }
     }
 }

@@ -11,7 +11,6 @@ mod group;
 mod order;
 pub(crate) mod poses;
 mod source;
-pub(crate) mod vertex;
 
 use crate::asset::streams::GROUP_COMPONENTS;
 use crate::asset::{Faces, KeptMesh, Mesh, RenderVertices, Tolerance};
@@ -28,7 +27,6 @@ pub use group::{PackedGroup, PackedLayout, PackedTarget};
 pub use poses::PoseFormat;
 pub(crate) use source::Source;
 use std::sync::Arc;
-pub use vertex::VertexLayout;
 
 /// Dense formats pad vertices to a multiple of this: the workgroup size of dense kernels, even (feedback passes draw
 /// lines), and a multiple of every device's buffer-offset alignment (64 × 12 bytes).

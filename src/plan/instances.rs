@@ -182,9 +182,9 @@ pub trait InstanceState {
         Ok(())
     }
 
-    /// Vertices of the first group that update `update`, which was planned last, changed in the pose of a shown
+    /// Vertices of a group that update `update`, which was planned last, changed in the pose of a shown
     /// instance, as ascending ranges that may extend beyond the last vertex.
-    fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
+    fn changed(&self, instances: &Instances, update: u64, instance: u32, _group: usize, out: &mut Vec<Range<u32>>) {
         let written = instances.written_by(instance as usize);
         out.extend((written > 0 && written == update).then_some(0..u32::MAX));
     }

@@ -271,9 +271,14 @@ impl PostMorphPass {
     /// The memory uses of its dispatch.
     pub const fn uses(self) -> &'static [Use] {
         match self {
-            Self::Output => const { &[Use::read(Resource::Poses), Use::write(Resource::Outputs)] },
-            Self::Normals => const { &[Use::read(Resource::Poses), Use::write(Resource::Normals)] },
+            Self::Output => const { &Self::in_place(Resource::Outputs) },
+            Self::Normals => const { &Self::in_place(Resource::Normals) },
         }
+    }
+
+    /// Words that outputs share with components of the application are read and written.
+    const fn in_place(output: Resource) -> [Use; 3] {
+        [Use::read(Resource::Poses), Use::read(output), Use::write(output)]
     }
 
     /// The output that the application reads.

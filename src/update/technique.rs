@@ -1,6 +1,7 @@
 //! The interface between crowds and update techniques.
 
-use crate::error::{Result, ensure};
+use crate::asset::streams::{Semantic, StreamPlace};
+use crate::error::{Error, Result, ensure};
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
@@ -8,7 +9,6 @@ use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::{MeshBuffers, Upload};
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::PoseGrid;
-use crate::pack::vertex::{OffsetConstants, VertexOffsets};
 use crate::pack::{POSE_FLOATS, PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Steps, Work};
@@ -127,16 +127,10 @@ pub struct UpdateId {
 pub struct Poses {
     /// The buffer that holds them all.
     pub buffer: vk::Buffer,
-    /// Its usage flags; empty (unknown) for a host's buffer.
+    /// Its usage flags.
     pub usage: vk::BufferUsageFlags,
-    /// Offset of the first pose's descriptor, a multiple of 256.
-    pub begin: u64,
-    /// Bytes from there to the first vertex; 0 in engine-owned buffers.
-    pub lead: u64,
     /// The pose format.
     pub format: PoseFormat,
-    /// Component offsets in a vertex.
-    pub(crate) offsets: VertexOffsets,
     /// Bytes per pose.
     pub bytes: u64,
     /// Instances of the crowd.
@@ -157,25 +151,20 @@ impl Poses {
     /// Byte offset of a pose's first vertex.
     pub fn offset(&self, instance: u32, slot: u32) -> u64 {
         let number = u64::from(instance) * u64::from(self.slots) + u64::from(slot);
-        self.begin + self.lead + number * self.bytes
+        number * self.bytes
     }
 
     /// Bytes of a descriptor of all poses of `count` instances.
     pub(crate) fn range_bytes(&self, count: u32) -> u64 {
-        self.lead + u64::from(count) * u64::from(self.slots) * self.bytes
+        u64::from(count) * u64::from(self.slots) * self.bytes
     }
 
     pub(crate) fn range(&self, first: u32, count: u32) -> BufferRange {
-        BufferRange::new(self.buffer, self.offset(first, 0) - self.lead, self.range_bytes(count))
+        BufferRange::new(self.buffer, self.offset(first, 0), self.range_bytes(count))
     }
 
     pub(crate) fn numbers(&self) -> u32 {
         (self.bytes / self.format.number_bytes() as u64) as u32
-    }
-
-    /// Specialization constants of kernels for component offsets, relative to the start of a [`range`](Self::range).
-    pub(crate) fn offset_constants(&self) -> Option<OffsetConstants> {
-        self.offsets.shifted((self.lead / self.format.number_bytes() as u64) as u32).constants()
     }
 }
 
@@ -185,6 +174,20 @@ pub struct PoseGroup {
     pub mesh: Arc<MeshBuffers>,
     /// The poses.
     pub poses: Poses,
+}
+
+/// The group that contains a stream, and the stream's place in it.
+///
+/// # Errors
+/// A stream that the mesh does not have.
+pub(crate) fn place_of(groups: &[PoseGroup], semantic: Semantic) -> Result<(usize, StreamPlace)> {
+    let numbered = groups.iter().enumerate();
+    let streams = numbered.flat_map(|(group, of)| of.mesh.layout.streams.iter().map(move |place| (group, *place)));
+    streams.clone().find(|(_, place)| place.semantic == semantic).ok_or_else(|| {
+        let names: Vec<String> = streams.map(|(_, place)| place.semantic.to_string()).collect();
+        let text = format!("stream '{semantic}' of mesh '{}'", groups[0].mesh.layout.name);
+        Error::invalid(text, format!("it has {}", names.join(", ")))
+    })
 }
 
 /// Input for creating a technique.

@@ -1,6 +1,6 @@
 //! Post-morph passes, and hosts' draws of their outputs.
 
 mod formulas;
-mod host_vertices;
+mod layouts;
 mod scenes;
 mod steps;

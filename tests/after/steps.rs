@@ -85,13 +85,6 @@ impl Kind {
     }
 }
 
-#[derive(Clone, Copy)]
-enum Target {
-    /// Without its joints.
-    Output(OutputTarget<'static>),
-    Normals(NormalsTarget),
-}
-
 /// The inputs of a skin, and the joints that move it.
 struct Skinned<'a> {
     skin: GpuSkin,
@@ -108,7 +101,9 @@ struct Rig<'a> {
     kind: Kind,
     mesh: Arc<PackedMesh>,
     source: &'a KeptMesh,
-    target: Target,
+    streams: Vec<OutputStream>,
+    /// The order of vertices in outputs: that of poses, or of the mesh.
+    pose_order: bool,
     /// Written in turn, if there are two.
     outputs: Vec<Written<'a>>,
     /// The current contents, in the order of the packed mesh.
@@ -141,10 +136,16 @@ impl<'a> Rig<'a> {
             outputs.push(Written::new(host, vertices, (offset + 4, stride, normals)));
         }
         let second = outputs.get(1).map(|other| (other.buffer, offset + 4));
-        let target = match kind {
-            Kind::Normals => Target::Normals(NormalsTarget { offset, stride, ..NormalsTarget::new(outputs[0].buffer) }),
-            _ => {
-                Target::Output(OutputTarget { offset, stride, normals, second, ..OutputTarget::new(outputs[0].buffer) })
+        let stream = |semantic, at: u32| {
+            let second = second.map(|(buffer, offset)| (buffer, offset + u64::from(at)));
+            let offset = offset + u64::from(at);
+            OutputStream { offset, stride, second, ..OutputStream::new(semantic, outputs[0].buffer) }
+        };
+        let streams = match kind {
+            Kind::Normals => vec![stream(Semantic::Normal, 0)],
+            Kind::Pose | Kind::Skinned => {
+                let normals = normals.map(|at| stream(Semantic::Normal, at));
+                [stream(Semantic::Position, 0)].into_iter().chain(normals).collect()
             }
         };
         let skinned = (kind == Kind::Skinned).then(|| {
@@ -159,41 +160,35 @@ impl<'a> Rig<'a> {
         });
         let surface = (kind == Kind::Normals).then(|| gpu::surface(headless, mesh).expect("a surface"));
         let held = outputs.iter().map(|_| vec![]).collect();
-        Self { kind, mesh: mesh.clone(), source, target, outputs, held, before: vec![], skinned, surface }
+        let pose_order = which == 0;
+        Self { kind, mesh: mesh.clone(), source, streams, pose_order, outputs, held, before: vec![], skinned, surface }
     }
 
-    fn try_set(&self, crowd: &mut HeadlessCrowd<'_>, instance: u32, target: Target) -> Result<()> {
+    fn try_set(&self, crowd: &mut HeadlessCrowd<'_>, instance: u32, streams: &[OutputStream]) -> Result<()> {
+        let joints = self.skinned.as_ref().map(|Skinned { skin, method, joints, joints_at, .. }| {
+            let (bytes, offset) = *joints_at;
+            after::Joints { offset, method: *method, ..after::Joints::new(skin, joints.shared.buffer, bytes) }
+        });
+        let target = OutputTarget { pose_order: self.pose_order, joints, ..OutputTarget::new(streams) };
         // SAFETY: the buffers are large enough, or it is refused; they live as long as the crowd; nothing is running.
         unsafe {
-            match &target {
-                Target::Output(target) => {
-                    let joints = self.skinned.as_ref().map(|Skinned { skin, method, joints, joints_at, .. }| {
-                        let (bytes, offset) = *joints_at;
-                        after::Joints {
-                            offset,
-                            method: *method,
-                            ..after::Joints::new(skin, joints.shared.buffer, bytes)
-                        }
-                    });
-                    crowd.set_output_target(instance, Some(&OutputTarget { joints, ..*target }))
-                }
-                Target::Normals(target) => {
-                    crowd.set_normals_target(instance, Some((self.surface.as_ref().expect("a surface"), target)))
-                }
+            match &self.surface {
+                None => crowd.set_output_target(instance, Some(&target)),
+                Some(surface) => crowd.set_normals_target(instance, Some((surface, &target))),
             }
         }
     }
 
     fn set(&self, crowd: &mut HeadlessCrowd<'_>, instance: u32) {
-        self.try_set(crowd, instance, self.target).expect("a target");
+        self.try_set(crowd, instance, &self.streams).expect("a target");
     }
 
     fn unset(&self, crowd: &mut HeadlessCrowd<'_>, instance: u32) {
         // SAFETY: nothing is running.
         let unset = unsafe {
-            match self.target {
-                Target::Output(_) => crowd.set_output_target(instance, None),
-                Target::Normals(_) => crowd.set_normals_target(instance, None),
+            match self.kind {
+                Kind::Pose | Kind::Skinned => crowd.set_output_target(instance, None),
+                Kind::Normals => crowd.set_normals_target(instance, None),
             }
         };
         unset.expect("an instance");
@@ -212,13 +207,15 @@ impl<'a> Rig<'a> {
 
     /// Takes the written vertices into `held`, and counts them by output.
     fn take(&mut self) -> Vec<usize> {
+        let Self { mesh, pose_order, .. } = self;
         let outputs = self.outputs.iter().zip(&mut self.held);
         let taken = outputs.map(|(output, held)| {
             let vertices = output.take();
             let width = if output.place.2.is_some() { 6 } else { 3 };
             held.resize(vertices.len() * width, f32::NAN);
-            for (held, words) in held.chunks_exact_mut(width).zip(&vertices) {
-                words.iter().flatten().zip(held).for_each(|(word, held)| *held = f32::from_bits(*word));
+            for (packed, held) in held.chunks_exact_mut(width).enumerate() {
+                let at = if *pose_order { packed } else { mesh.layout().user_vertex(packed).expect("a vertex") };
+                vertices[at].iter().flatten().zip(held).for_each(|(word, held)| *held = f32::from_bits(*word));
             }
             vertices.iter().flatten().count()
         });
@@ -228,14 +225,17 @@ impl<'a> Rig<'a> {
     /// Asserts that the output matches the pose, given as numbers in the order of the packed mesh, and the reference.
     fn assert_right(&self, output: usize, pose: &[f32], reference: &[f64], what: &str) {
         let (held, layout) = (&self.held[output], self.mesh.layout());
-        match (&self.target, &self.skinned) {
-            (Target::Output(target), None) => {
-                let width = if target.normals.is_some() { 6 } else { 3 };
-                let vertices = pose.chunks_exact(6).take(layout.vertex_count);
-                let expected: Vec<f32> = vertices.flat_map(|vertex| &vertex[..width]).copied().collect();
-                assert!(bits(held) == bits(&expected), "{what}: not the pose");
+        match (self.kind, &self.skinned) {
+            (Kind::Pose, _) => {
+                let width = 3 * self.streams.len();
+                for (held, pose) in held.chunks_exact(width).zip(pose.chunks_exact(6)) {
+                    assert_eq!(bits(&held[..3]), bits(&pose[..3]), "{what}: not the pose");
+                    let unit = glam::Vec3::from_slice(&pose[3..]).normalize_or_zero();
+                    let is_unit = width == 3 || (glam::Vec3::from_slice(&held[3..]) - unit).length() < 1e-6;
+                    assert!(is_unit, "{what}: {held:?} for {pose:?}");
+                }
             }
-            (Target::Output(_), Some(Skinned { per_vertex, influences, method, joints, .. })) => {
+            (Kind::Skinned, Some(Skinned { per_vertex, influences, method, joints, .. })) => {
                 let desc = skin_desc(*per_vertex, influences);
                 let expected = reference::skin(reference, &desc, *method, &joints.numbers).expect("a skinned pose");
                 let mut padded = held.clone();
@@ -243,7 +243,7 @@ impl<'a> Rig<'a> {
                 let error = compare(&layout.to_user_order(&padded), &expected);
                 assert!(error.within(SKINNED.0 * f64::from(layout.diagonal), SKINNED.1), "{what}: {error:?}");
             }
-            (Target::Normals(_), _) => {
+            (Kind::Normals, _) | (Kind::Skinned, None) => {
                 let Self { source, .. } = self;
                 let expected = reference::normals(reference, &source.faces, &source.welds).expect("normals");
                 let mut found = vec![DVec3::NAN; layout.vertex_count];
@@ -465,30 +465,30 @@ fn targets_that_do_not_fit_are_refused() {
         for kind in Kind::ALL {
             let mut rig = Rig::new(kind, 1, headless, &host, (&source, &mesh));
             let (fours, smaller) = ("multiples of 4", "use a smaller stride");
-            let refused = match &mut rig.target {
-                Target::Output(t) => [
-                    (OutputTarget { offset: 2, ..*t }, fours),
-                    (OutputTarget { stride: 20, ..*t }, fours),
-                    (OutputTarget { stride: 26, ..*t }, fours),
-                    (OutputTarget { normals: Some(8), ..*t }, fours),
-                    (OutputTarget { normals: Some(14), ..*t }, fours),
-                    (OutputTarget { second: Some((t.buffer, 2)), ..*t }, fours),
-                    (OutputTarget { stride: 1 << 30, ..*t }, smaller),
-                ]
-                .map(|(t, words)| (Target::Output(t), words))
-                .to_vec(),
-                Target::Normals(t) => [
-                    NormalsTarget { stride: 8, ..*t },
-                    NormalsTarget { stride: 14, ..*t },
-                    NormalsTarget { offset: 2, ..*t },
-                ]
-                .map(|t| (Target::Normals(t), fours))
-                .to_vec(),
-            };
+            let first = rig.streams[0];
+            let mut refused = vec![
+                (OutputStream { offset: 2, ..first }, fours),
+                (OutputStream { stride: 8, ..first }, fours),
+                (OutputStream { stride: 26, ..first }, fours),
+                (OutputStream { second: Some((first.buffer, 2)), ..first }, fours),
+                (OutputStream { stride: 1 << 30, ..first }, smaller),
+                (OutputStream { format: vk::Format::R32G32_SFLOAT, ..first }, "in the format R32G32_SFLOAT"),
+                (OutputStream { format: vk::Format::R8G8B8A8_UNORM, ..first }, "A2B10G10R10_SNORM_PACK32"),
+            ];
+            if kind == Kind::Normals {
+                refused.push((OutputStream { semantic: Semantic::Position, ..first }, "Semantic::Normal"));
+            } else {
+                refused.push((OutputStream { format: vk::Format::R8G8B8A8_SNORM, ..first }, "use a float32 format"));
+                refused.push((OutputStream { semantic: Semantic::Tangent, ..first }, "it has position, normal"));
+            }
             let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::blocks());
             let text = |result: Result<()>| result.expect_err("a refusal").to_string();
-            for (target, words) in refused {
-                let found = text(rig.try_set(&mut crowd, 0, target));
+            let apart = [first, OutputStream { second: Some((first.buffer, 0)), ..first }];
+            let expected = if kind == Kind::Normals { "Semantic::Normal" } else { "to all streams, or to none" };
+            assert!(text(rig.try_set(&mut crowd, 0, &apart)).contains(expected));
+            assert!(text(rig.try_set(&mut crowd, 0, &[])).contains("streams"));
+            for (stream, words) in refused {
+                let found = text(rig.try_set(&mut crowd, 0, &[stream]));
                 assert!(found.contains(words), "{kind:?}: {found}");
             }
             for (at, words) in [(16, "room for all joints"), (8, "multiple of 16"), (0, "")] {
@@ -496,10 +496,10 @@ fn targets_that_do_not_fit_are_refused() {
                 // Dual quaternions: room for them alone.
                 skinned.joints_at = (u64::from(JOINTS) * 32, at);
                 if at > 0 {
-                    assert!(text(rig.try_set(&mut crowd, 0, rig.target)).contains(words));
+                    assert!(text(rig.try_set(&mut crowd, 0, &rig.streams)).contains(words));
                 }
             }
-            assert!(text(rig.try_set(&mut crowd, 1, rig.target)).contains("instance 1"));
+            assert!(text(rig.try_set(&mut crowd, 1, &rig.streams)).contains("instance 1"));
             assert!(text(crowd.set_joints(0, 0)).contains("not skinned"));
             rig.set(&mut crowd, 0);
             if rig.skinned.is_some() {
@@ -509,7 +509,7 @@ fn targets_that_do_not_fit_are_refused() {
                 // Another packing of the same mesh has another order of vertices.
                 let other = gpu::packed(engine, &source, DeltaFormat::Float32);
                 let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
-                let refused = text(rig.try_set(&mut gpu::crowd(headless, &other, dense), 0, rig.target));
+                let refused = text(rig.try_set(&mut gpu::crowd(headless, &other, dense), 0, &rig.streams));
                 assert!(refused.contains("the packed mesh that the crowd was made of"), "{refused}");
             }
         }

@@ -104,12 +104,20 @@ unsafe fn follow(
     crowd: &mut Crowd,
     output: vk::Buffer,
 ) {
-    // SAFETY: the caller's obligations.
-    let _ = unsafe { engine.set_output_target(crowd, 0, Some(&OutputTarget::new(output))) };
+    let streams = [Semantic::Position, Semantic::Normal].map(|semantic| OutputStream::new(semantic, output));
+    let formats = [vk::Format::R8G8B8A8_SNORM, vk::Format::A2B10G10R10_SNORM_PACK32, vk::Format::R16G16B16A16_SNORM];
+    for format in [streams[1].format].into_iter().chain(formats) {
+        for pose_order in [false, true] {
+            let streams = [streams[0], OutputStream { format, ..streams[1] }];
+            let target = OutputTarget { pose_order, ..OutputTarget::new(&streams) };
+            // SAFETY: the caller's obligations.
+            let _ = unsafe { engine.set_output_target(crowd, 0, Some(&target)) };
+        }
+    }
     // SAFETY: as above.
     let surface = unsafe { engine.upload_normals(cmd, packed) }.expect("a surface");
     // SAFETY: as above.
-    let _ = unsafe { engine.set_normals_target(crowd, 0, Some((&surface, &NormalsTarget::new(output)))) };
+    let _ = unsafe { engine.set_normals_target(crowd, 0, Some((&surface, &OutputTarget::new(&streams[1..])))) };
     for influences in [4, 8] {
         let count = packed.layout().vertex_count * influences as usize;
         let (joints, weights) = (vec![0; count], vec![1.0; count]);
@@ -118,7 +126,7 @@ unsafe fn follow(
         let skin = unsafe { engine.upload_skin(cmd, packed, &desc) }.expect("a skin");
         for method in [SkinMethod::Linear, SkinMethod::DualQuaternion] {
             let joints = Some(Joints { method, ..Joints::new(&skin, output, 48) });
-            let target = OutputTarget { joints, ..OutputTarget::new(output) };
+            let target = OutputTarget { joints, ..OutputTarget::new(&streams) };
             // SAFETY: as above.
             let _ = unsafe { engine.set_output_target(crowd, 0, Some(&target)) };
         }

@@ -48,81 +48,6 @@ fn where_poses_are_is_known_before_the_first_update() {
     });
 }
 
-/// Makes a storage buffer of the host's.
-fn with_buffer(headless: &Headless, test: impl FnOnce(vk::Buffer)) {
-    let host = Buffers::new(headless);
-    test(host.shared(1 << 20).buffer);
-}
-
-#[test]
-fn vertices_that_do_not_suit_are_refused() {
-    use Semantic::*;
-    on_device(&gpu::one(), false, |headless, engine| {
-        with_buffer(headless, |buffer| {
-            let plain = VertexLayout::new(48).stream(Position, 0).stream(Normal, 12);
-            let blocks = UpdateDesc::blocks();
-            let (half, dense) = (
-                UpdateDesc { pose: PoseFormat::Fixed16, ..blocks },
-                UpdateDesc::new(UpdatePath::Compute, BatchSize::All),
-            );
-            let many = (0..20).fold(plain, |vertex, set| vertex.stream(TexCoord(set), 24));
-            for (update, vertex, offset, words) in [
-                (blocks, many, 0, "22 streams"),
-                (blocks, VertexLayout::new(0).stream(Position, 0), 0, "0 bytes: the stride"),
-                (blocks, VertexLayout::new(30).stream(Position, 0), 0, "multiple of 4"),
-                (blocks, plain.stream(Normal, 14), 0, "stream 'normal' at 14"),
-                (blocks, VertexLayout::new(48).stream(Normal, 0), 0, "Semantic::Position"),
-                (blocks, plain.stream(TexCoord(5), 32), 0, "'texcoord 5', which the mesh does not have"),
-                (blocks, plain.stream(Tangent, 20), 0, "bytes 12 to 24, beyond the beginning of 'tangent'"),
-                (blocks, plain.stream(Tangent, 36), 0, "beyond the beginning of the end of the vertex"),
-                (blocks, plain.stream(Tangent, u32::MAX - 3), 0, "end of the vertex"),
-                (half, plain, 0, "in fixed16 poses"),
-                (half, VertexLayout::new(48).stream(Position, 2).stream(Normal, 8), 0, "from a multiple of 4 on"),
-                (half, plain.stream(Normal, 6).stream(Tangent, 8), 0, "'tangent'"),
-                (half, plain.stream(Normal, 6).stream(Tangent, 12).stream(TexCoord(0), 22), 0, "'texcoord 0' at 22"),
-                (half, VertexLayout::new(8).stream(Position, 0), 0, "end of the vertex"),
-                (blocks, plain, 6, "from byte 6"),
-                (blocks, plain, u64::MAX - 3, "end at"),
-                (dense, plain, 0, "the path 'compute'"),
-            ] {
-                let format = if update.path == UpdatePath::Blocks { DeltaFormat::Fast } else { DeltaFormat::Snorm16 };
-                let mesh = packed(engine, format, true);
-                // SAFETY: no crowd is made with it.
-                let poses = unsafe { HostPoses::new(buffer, offset, vertex) };
-                let made =
-                    HeadlessCrowd::new(headless, &mesh, &CrowdDesc { poses: Some(poses), ..CrowdDesc::new(update) });
-                let text = made.err().expect(words).to_string();
-                assert!(text.contains(words), "{words}: {text}");
-            }
-        });
-    });
-}
-
-#[test]
-fn what_the_hosts_vertices_do_not_have_is_refused_later() {
-    on_device(&gpu::one(), false, |headless, engine| {
-        with_buffer(headless, |buffer| {
-            let mesh = packed(engine, DeltaFormat::Fast, false);
-            let vertex = VertexLayout::new(16).stream(Semantic::Position, 0);
-            // SAFETY: the crowd is never updated, and dropped before the buffer.
-            let poses = unsafe { HostPoses::new(buffer, 0, vertex) };
-            let mut crowd = HeadlessCrowd::new(
-                headless,
-                &mesh,
-                &CrowdDesc { poses: Some(poses), ..CrowdDesc::new(UpdateDesc::blocks()) },
-            )
-            .expect("a crowd");
-            testing::says(crowd.crowd().pose_buffer(Semantic::Normal), &["'normal'", "VertexLayout"]);
-            let found = crowd.crowd().pose_buffer(Semantic::Position).expect("positions");
-            assert_eq!((found.first.stride, found.usage), (16, vk::BufferUsageFlags::empty()));
-            let target = OutputTarget { stride: 24, normals: Some(12), ..OutputTarget::new(buffer) };
-            // SAFETY: it is refused.
-            let refused = unsafe { crowd.set_output_target(0, Some(&target)) };
-            testing::says(refused, &["normals", "VertexLayout"]);
-        });
-    });
-}
-
 #[test]
 fn usages_that_the_device_was_not_said_to_allow_are_refused() {
     use vk::BufferUsageFlags as Usage;
@@ -132,7 +57,7 @@ fn usages_that_the_device_was_not_said_to_allow_are_refused() {
         for (usage, words) in [
             (Usage::SHADER_DEVICE_ADDRESS, "DeviceDesc::buffer_device_address"),
             (Usage::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR, "enable bufferDeviceAddress"),
-            (Usage::VIDEO_DECODE_SRC_KHR, "CrowdDesc::poses"),
+            (Usage::VIDEO_DECODE_SRC_KHR, "MorphEngine::set_output_target"),
         ] {
             let text = HeadlessCrowd::new(headless, &mesh, &CrowdDesc { pose_usage: usage, ..desc })
                 .err()

@@ -20,7 +20,7 @@ const ROOMS: &[(&str, &str)] = &[
     ("plan", "error math pack"),
     ("crowd", ""),
     ("gpu", "error abi pack plan"),
-    ("update", "error weights abi pack lod plan gpu"),
+    ("update", "error asset weights abi pack lod plan gpu"),
     ("cpu", "error simd asset weights abi pack plan crowd update"),
     ("after", "error asset abi pack plan gpu update"),
     ("reference", "math asset pack after"),

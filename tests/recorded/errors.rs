@@ -109,15 +109,15 @@ fn refused_everywhere(headless: &Headless, made: &mut Made, instance: u32, words
     let engine = headless.engine();
     let Made { crowd, skin, surface, .. } = made;
     let null = vk::Buffer::null();
+    let positions = [OutputStream::new(Semantic::Position, null)];
     // SAFETY: everything is refused, so no buffer is used.
     unsafe {
         for joints in [None, Some(Joints::new(skin, null, 48))] {
-            says(
-                engine.set_output_target(crowd, instance, Some(&OutputTarget { joints, ..OutputTarget::new(null) })),
-                words,
-            );
+            let target = OutputTarget { joints, ..OutputTarget::new(&positions) };
+            says(engine.set_output_target(crowd, instance, Some(&target)), words);
         }
-        says(engine.set_normals_target(crowd, instance, Some((surface, &NormalsTarget::new(null)))), words);
+        let normals = [OutputStream::new(Semantic::Normal, null)];
+        says(engine.set_normals_target(crowd, instance, Some((surface, &OutputTarget::new(&normals)))), words);
         let mut readback = engine.readback();
         says(headless.run(|cmd| readback.record(cmd, crowd, &[instance])), words);
     }
@@ -165,10 +165,11 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         // SAFETY: everything is refused, so no buffer is used, and nothing is recorded.
         unsafe {
             let joints = Some(Joints::new(&of_other.skin, null, 48));
-            let target = OutputTarget { joints, ..OutputTarget::new(null) };
+            let streams = [Semantic::Position, Semantic::Normal].map(|semantic| OutputStream::new(semantic, null));
+            let target = OutputTarget { joints, ..OutputTarget::new(&streams) };
             let upload = "upload it with the crowd's engine";
             says(engine.set_output_target(&mut made.crowd, 0, Some(&target)), upload);
-            let target = NormalsTarget::new(null);
+            let target = OutputTarget::new(&streams[1..]);
             says(engine.set_normals_target(&mut made.crowd, 0, Some((&of_other.surface, &target))), upload);
             says(headless.run(|cmd| engine.record_updates(cmd, &mut [&mut made.crowd, &mut of_other.crowd])), words);
         }
@@ -213,7 +214,8 @@ fn what_exceeds_the_device_is_refused_with_the_numbers() {
     gpu::on_device_within(&gpu::one(), Some(limits), |headless, engine| {
         let Made { mut crowd, skin, .. } = make(headless, &packed(DeltaFormat::Fast));
         let joints = Some(Joints::new(&skin, vk::Buffer::null(), 48));
-        let target = OutputTarget { joints, ..OutputTarget::new(vk::Buffer::null()) };
+        let streams = [OutputStream::new(Semantic::Position, vk::Buffer::null())];
+        let target = OutputTarget { joints, ..OutputTarget::new(&streams) };
         // SAFETY: it is refused, so no buffer is used.
         let refused = unsafe { engine.set_output_target(&mut crowd, 0, Some(&target)) };
         says(refused, "takes 4 texels");
@@ -246,7 +248,7 @@ fn a_direct_path_has_no_poses_for_what_comes_after() {
 fn buffers_that_are_too_small_are_refused_with_both_sizes() {
     gpu::on_every_device(|headless, engine| {
         let packed = packed(DeltaFormat::Fast);
-        let Made { mesh, mut crowd, skin, surface } = make(headless, &packed);
+        let Made { mut crowd, skin, surface, .. } = make(headless, &packed);
         let (_, _, device) = headless.handles();
         let buffer = |bytes| {
             let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
@@ -257,25 +259,20 @@ fn buffers_that_are_too_small_are_refused_with_both_sizes() {
         let end = |bytes: u32| format!("to byte {bytes} of a host buffer of at most 10");
         // SAFETY: everything is refused, so no buffer is used.
         unsafe {
-            says(engine.set_output_target(&mut crowd, 0, Some(&OutputTarget::new(small))), &end(1200));
-            says(engine.set_normals_target(&mut crowd, 0, Some((&surface, &NormalsTarget::new(small)))), &end(1200));
-            let target = |buffer, joints| OutputTarget {
-                stride: 24,
-                normals: Some(12),
-                joints: Some(joints),
-                ..OutputTarget::new(buffer)
-            };
-            for (target, bytes) in [
-                (target(small, Joints::new(&skin, large, 48)), 2400),
-                (OutputTarget { second: Some((small, 4)), ..target(large, Joints::new(&skin, large, 48)) }, 2404),
-                (target(large, Joints::new(&skin, small, 4096)), 4096),
+            let normals = [OutputStream::new(Semantic::Normal, small)];
+            says(engine.set_normals_target(&mut crowd, 0, Some((&surface, &OutputTarget::new(&normals)))), &end(1200));
+            let positions = |buffer| OutputStream { stride: 24, ..OutputStream::new(Semantic::Position, buffer) };
+            for (stream, joints, bytes) in [
+                (OutputStream::new(Semantic::Position, small), None, 1200),
+                (positions(small), Some((large, 48)), 2388),
+                (OutputStream { second: Some((small, 4)), ..positions(large) }, Some((large, 48)), 2392),
+                (positions(large), Some((small, 4096)), 4096),
             ] {
+                let joints = joints.map(|(buffer, bytes)| Joints::new(&skin, buffer, bytes));
+                let streams = [stream];
+                let target = OutputTarget { joints, ..OutputTarget::new(&streams) };
                 says(engine.set_output_target(&mut crowd, 0, Some(&target)), &end(bytes));
             }
-            let vertex = VertexLayout::new(24).stream(Semantic::Position, 0).stream(Semantic::Normal, 12);
-            let poses = HostPoses::new(small, 0, vertex);
-            let desc = CrowdDesc { poses: Some(poses), ..CrowdDesc::new(UpdateDesc::blocks()) };
-            says(engine.create_crowd(&mesh, &desc), "of a host buffer of at most 10");
             device.destroy_buffer(small, None);
             device.destroy_buffer(large, None);
         }

@@ -117,8 +117,9 @@ fn what_follows_and_what_is_animated_names_no_graphics() {
             (made.expect("a crowd"), engine.create_crowd(&uploaded, &desc).expect("a crowd"));
         animated.play(0, &Playback::new(0)).expect("a clip");
         let words = host.shared(mesh.layout().vertex_count * 12);
+        let streams = [OutputStream::new(Semantic::Position, words.buffer)];
         // SAFETY: the buffer is large enough, and outlives the crowd; nothing is running.
-        unsafe { engine.set_output_target(&mut crowd, 0, Some(&OutputTarget::new(words.buffer))) }.expect("a target");
+        unsafe { engine.set_output_target(&mut crowd, 0, Some(&OutputTarget::new(&streams))) }.expect("a target");
         for frame in 0..4 {
             animated.set_time(f64::from(frame) / 30.0).expect("a time");
             crowd.set_weights(0, &weights(&mesh, frame, 1)).expect("weights");

@@ -44,8 +44,9 @@ fn frames(
     let mut blocks = engine.create_crowd(&uploaded, &desc).expect("a crowd");
     let dense = gpu::upload(headless, engine, &dense);
     let mut dense = engine.create_crowd(&dense, &CrowdDesc::new(passes)).expect("a crowd");
+    let streams = [OutputStream::new(Semantic::Position, decoded)];
     // SAFETY: the buffer is large enough, and outlives the crowd; nothing is running.
-    unsafe { engine.set_output_target(&mut blocks, 0, Some(&OutputTarget::new(decoded))) }.expect("a target");
+    unsafe { engine.set_output_target(&mut blocks, 0, Some(&OutputTarget::new(&streams))) }.expect("a target");
     let clips = [gpu::clip(&mesh, 30.0, (0..70).map(|i| i as f32 / 80.0).collect())];
     let animation = AnimationDesc::new(&clips);
     // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.

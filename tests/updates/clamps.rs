@@ -104,13 +104,19 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &KeptMesh, (format, up
         let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
         let desc = CrowdDesc { instances: 2, consumers, ..CrowdDesc::new(update) };
         let mut crowd = engine.create_crowd(&uploaded, &desc).expect(&what);
-        let decode =
-            OutputTarget { offset: 268, stride: 40, normals: Some(16), ..OutputTarget::new(outputs[0].buffer) };
+        let stream = |output: usize, semantic, at| {
+            let (offset, stride, _) = places[output];
+            OutputStream { offset: offset + at, stride, ..OutputStream::new(semantic, outputs[output].buffer) }
+        };
+        let streams = [stream(0, Semantic::Position, 0), stream(0, Semantic::Normal, 16)];
+        let decode = OutputTarget::new(&streams);
         engine.set_output_target(&mut crowd, 0, Some(&decode)).expect(&what);
         let joints = Some(Joints::new(&skin, joints.buffer, 48));
-        let target = OutputTarget { stride: 24, normals: Some(12), joints, ..OutputTarget::new(outputs[1].buffer) };
+        let streams = [stream(1, Semantic::Position, 0), stream(1, Semantic::Normal, 12)];
+        let target = OutputTarget { joints, ..OutputTarget::new(&streams) };
         engine.set_output_target(&mut crowd, 1, Some(&target)).expect(&what);
-        let recomputed = NormalsTarget { offset: 4, ..NormalsTarget::new(outputs[2].buffer) };
+        let normals = [stream(2, Semantic::Normal, 0)];
+        let recomputed = OutputTarget::new(&normals);
         engine.set_normals_target(&mut crowd, 1, Some((&surface, &recomputed))).expect(&what);
         let mut readback = engine.readback();
         for frame in 0..3 {

@@ -40,51 +40,10 @@ pub struct DmCrowdDesc {
     pub pose_usage: u32,
     /// Zero.
     pub reserved: u32,
-    /// Vertices of the host's that poses are written into (path blocks); null: buffers of the library's.
-    pub poses: *const DmHostPoses,
     /// The family of the queue that updates of the crowd run on; null: one with graphics and compute. Read during the
     /// call only. For a family without graphics, barriers name no graphics stage: consumers that have one are on
     /// another queue.
     pub queue_family: *const u32,
-}
-
-/// Vertices of the host's that a crowd keeps its poses in, interleaved with other data of the host's, which is not
-/// changed. From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of `stride` x
-/// DmMeshInfo::padded_vertex_count bytes each, in the order of pose buffers.
-///
-/// The buffer belongs to the engine's device, is usable as storage buffer, and large enough for all poses. It lives
-/// until the crowd is destroyed. While an update runs, only the crowd's consumers access the bytes that the crowd
-/// writes. On lavapipe with shaderInt64 updates take several times as long as those of the library's own buffers; GPUs
-/// run the same kernels for both.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmHostPoses {
-    /// sizeof(DmHostPoses).
-    pub struct_size: u32,
-    /// Bytes from vertex to vertex, a multiple of 4.
-    pub stride: u32,
-    /// The buffer with the vertices.
-    pub buffer: vk::Buffer,
-    /// Bytes from its beginning to the first vertex, a multiple of 4.
-    pub offset: u64,
-    /// The streams that are written, 16 at most; positions are among them.
-    pub streams: *const DmStreamPlace,
-    /// Streams.
-    pub stream_count: u32,
-    /// Zero.
-    pub reserved: u32,
-}
-
-/// Position of a stream in a vertex.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmStreamPlace {
-    /// `DM_STREAM_…`.
-    pub stream: u32,
-    /// Bytes from the beginning of a vertex to its first component: a multiple of 4. In 16-bit fixed-point poses a
-    /// multiple of 2; there the six numbers of a stream's group (position and normal, for example) are written
-    /// together.
-    pub offset: u32,
 }
 
 /// Clips for a crowd that is animated on the GPU.

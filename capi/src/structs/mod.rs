@@ -37,14 +37,12 @@ versioned! {
     DmMeshInfo;
     DmRenderVertices;
     DmCrowdDesc reserved;
-    DmHostPoses reserved;
     DmAnimationDesc reserved;
     DmLevelDesc;
     DmPlayback reserved;
     DmUpdate;
     DmPoseView;
     DmStreamView;
-    DmNormalsTarget;
     DmSkinDesc reserved;
     DmOutputTarget;
     DmOutputView;

@@ -2,7 +2,7 @@
 
 use super::HeadlessCrowd;
 use deltamorph::Result;
-use deltamorph::after::{GpuNormals, NormalsTarget, OutputTarget};
+use deltamorph::after::{GpuNormals, OutputTarget};
 
 impl HeadlessCrowd<'_> {
     /// See [`MorphEngine::set_output_target`](deltamorph::MorphEngine::set_output_target).
@@ -21,7 +21,7 @@ impl HeadlessCrowd<'_> {
     pub unsafe fn set_normals_target(
         &mut self,
         instance: u32,
-        target: Option<(&GpuNormals, &NormalsTarget)>,
+        target: Option<(&GpuNormals, &OutputTarget<'_>)>,
     ) -> Result<()> {
         // SAFETY: the caller's obligations.
         unsafe { self.headless.engine.set_normals_target(&mut self.crowd, instance, target) }

@@ -8,8 +8,8 @@ mod step;
 use crate::asset::{Corner, Faces};
 use crate::error::Result;
 use glam::DVec3;
+pub use step::GpuNormals;
 pub(super) use step::Surface;
-pub use step::{GpuNormals, NormalsTarget};
 
 /// Computes the normals of a pose in double precision: area-weighted as on import, of unit length, three numbers per
 /// vertex in the user's order; 0 if the triangles of a vertex have no area, or cancel out. `pose` as from

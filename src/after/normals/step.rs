@@ -41,25 +41,3 @@ impl GpuNormals {
         self.staging = None;
     }
 }
-
-/// Output of an instance's recomputed normals; see
-/// [`MorphEngine::set_normals_target`](crate::MorphEngine::set_normals_target).
-///
-/// Vertices are in pose-buffer order, without padding. Normals may be interleaved with decoded positions in one buffer
-/// ([`OutputTarget`](crate::after::OutputTarget) without normals).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NormalsTarget {
-    /// The output buffer, with storage buffer usage.
-    pub buffer: vk::Buffer,
-    /// Byte offset of the first vertex's normal, a multiple of 4.
-    pub offset: u64,
-    /// Bytes per vertex, a multiple of 4 and at least 12.
-    pub stride: u32,
-}
-
-impl NormalsTarget {
-    /// Contiguous normals of 12 bytes from the start of the buffer.
-    pub fn new(buffer: vk::Buffer) -> Self {
-        Self { buffer, offset: 0, stride: 12 }
-    }
-}

@@ -76,6 +76,7 @@ impl<'a> Joints<'a> {
 }
 
 /// The skin of an instance, and its joints.
+#[derive(Clone)]
 pub(super) struct Skinned {
     pub attached: Arc<Attached>,
     pub influences: u32,

@@ -117,11 +117,6 @@ impl PoseFormat {
         self.stride() / POSE_FLOATS
     }
 
-    /// Whether components share words, which kernels store whole: a vertex's components must be contiguous.
-    pub(crate) const fn shares_words(self) -> bool {
-        self.number_bytes() < size_of::<u32>()
-    }
-
     pub(crate) const fn offset(self, component: usize) -> usize {
         self.number_bytes() * component
     }

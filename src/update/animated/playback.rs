@@ -265,7 +265,7 @@ impl InstanceState for Playbacks {
     }
 
     /// Only the GPU knows which blocks.
-    fn changed(&self, _instances: &Instances, _update: u64, _instance: u32, out: &mut Vec<Range<u32>>) {
+    fn changed(&self, _instances: &Instances, _update: u64, _: u32, _group: usize, out: &mut Vec<Range<u32>>) {
         out.push(0..u32::MAX);
     }
 }

@@ -10,7 +10,6 @@ use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::{base_offset, deltas_bytes};
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::vertex::OffsetConstants;
 use crate::update::technique::{Context, Poses};
 use ash::vk::{self, BufferUsageFlags};
 use bytemuck::bytes_of;
@@ -28,18 +27,12 @@ pub(crate) const LIST_USAGE: BufferUsageFlags = BufferUsageFlags::from_raw(
 /// Not even one instance fits.
 pub(crate) fn set_size(context: &Context<'_>, most: u64) -> Result<u32> {
     let poses = context.poses;
-    let range = context.caps().max_storage_range;
-    let each = poses.range_bytes(1) - poses.lead;
-    context.check_range("the slots of one instance", poses.range_bytes(1), "use fewer slots, or split the mesh")?;
+    let each = poses.range_bytes(1);
+    context.check_range("the slots of one instance", each, "use fewer slots, or split the mesh")?;
     let instances = context.desc.instances;
-    Ok(
-        match ((range - poses.lead) / each).min(POSES_MAX / u64::from(poses.slots)).min(most).min(instances.into())
-            as u32
-        {
-            size if size < instances && size > TILE as u32 => size - size % TILE as u32,
-            size => size,
-        },
-    )
+    let in_range = context.caps().max_storage_range / each;
+    let size = in_range.min(POSES_MAX / u64::from(poses.slots)).min(most).min(instances.into()) as u32;
+    Ok(if size < instances && size > TILE as u32 { size - size % TILE as u32 } else { size })
 }
 
 pub(crate) struct Workgroup {
@@ -56,9 +49,7 @@ pub(crate) struct Workgroup {
 pub(crate) fn workgroup(context: &Context<'_>) -> Result<Workgroup> {
     let size = context.layout().index()?.size() as u32;
     let caps = context.caps();
-    // Texel kernels access engine-owned poses; a host's buffer may lack the usage.
-    let bound_as_texels = context.poses.usage.contains(BufferUsageFlags::STORAGE_TEXEL_BUFFER);
-    let texels = bound_as_texels && caps.takes_texels(context.layout().format);
+    let texels = caps.takes_texels(context.layout().format);
     let items = if texels { 1 } else { (caps.tuning.lanes / size).clamp(1, ITEMS_MAX) };
     // With texels, an invocation processes eight vertices, or four of a block of 32.
     Ok(Workgroup { texels, lanes: if texels { (size / 8).max(8) } else { size * items }, items })
@@ -75,20 +66,16 @@ struct BlocksKey {
     few_registers: bool,
     /// Rounds sums, and not products.
     rounds_sums: bool,
-    /// Component offsets in host vertices.
-    offsets: Option<OffsetConstants>,
 }
 
 impl PipelineKey for BlocksKey {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let Self { module, size, lanes, width, few_registers, rounds_sums, offsets } = self;
+        let Self { module, size, lanes, width, few_registers, rounds_sums } = self;
         objects.add_layout(&[module.kernel], 0)?;
         let sums = 2 * u32::from(rounds_sums);
         let own = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt + sums, few_registers.into()]);
         let count = module.kernel.constants as usize;
-        let offsets = offsets.as_ref().map_or(&[][..], |offsets| offsets);
-        let constants: Vec<Vec<u32>> = own.iter().map(|own| [&own[..count], offsets].concat()).collect();
-        objects.add_compute(module, &constants.iter().map(Vec::as_slice).collect::<Vec<_>>())
+        objects.add_compute(module, &own.each_ref().map(|own| &own[..count]))
     }
 }
 
@@ -113,9 +100,8 @@ impl BlocksKernels {
         let module = kernel.module(format.row(), pose.row(), 0)?;
         let size = context.layout().index()?.size() as u32;
         let few_registers = tuning.few_registers;
-        let offsets = context.poses.offset_constants();
         let rounds_sums = pose.row().rounds_sums;
-        let key = |width| BlocksKey { module, size, lanes, width, few_registers, rounds_sums, offsets };
+        let key = |width| BlocksKey { module, size, lanes, width, few_registers, rounds_sums };
         let kernel = |width| context.kernels.get(key(width));
         let how = Dispatching { group, widths, tuning, most: context.caps().max_workgroups, items, texels };
         Ok(Self { how, kernels: (0..widths).map(kernel).collect::<Result<_>>()? })

@@ -88,8 +88,8 @@ impl InstanceState for Planner {
         }
     }
 
-    fn changed(&self, _instances: &Instances, _update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
-        self.groups[0].changed(instance, out);
+    fn changed(&self, _instances: &Instances, _update: u64, instance: u32, group: usize, out: &mut Vec<Range<u32>>) {
+        self.groups[group].changed(instance, out);
     }
 }
 
