@@ -67,6 +67,7 @@ fn generate_as(config: Config) -> String {
         ("PhysicalDevice", "VkPhysicalDevice"),
         ("Device", "VkDevice"),
         ("CommandBuffer", "VkCommandBuffer"),
+        ("QueryPool", "VkQueryPool"),
         ("Buffer", "VkBuffer"),
         ("PipelineCache", "VkPipelineCache"),
         ("DeviceMemory", "VkDeviceMemory"),

@@ -5,9 +5,10 @@ use crate::handles::{DmMesh, Handle, handle};
 use crate::memory::{array, check_place, read, read_or_default, slice, text, text_or_empty};
 use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, DM_MESSAGE_NOTE, delta_format};
 use crate::result::{DmResult, Result, c_string, ensure, enter};
-use crate::structs::{DmMeshArrays, DmMeshDesc};
+use crate::structs::{DmMeshArrays, DmMeshDesc, DmTargetArrays};
 use deltamorph::import::{Imported, ImportedMesh, open};
 use deltamorph::{BlockDesc, MeshArrays, PackDesc, PackedLayout, PackedMesh, TargetArrays, Tolerance};
+use std::borrow::Cow;
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 
@@ -210,27 +211,36 @@ unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<deltamorph::Me
     // SAFETY: the caller's obligations, of this array and of each of its targets below.
     let arrays = unsafe { read(arrays) }?;
     let count = arrays.vertex_count as usize;
-    let mut targets = Vec::new();
     // SAFETY: as above.
-    for target in unsafe { array(arrays.targets, arrays.target_count) }? {
+    let structures = unsafe { array(arrays.targets, arrays.target_count) }?;
+    let of_target = |target: &DmTargetArrays| {
+        let array = |pointer, what| {
+            // SAFETY: as above.
+            unsafe { vertices(pointer, (count, target.stride), what) }
+        };
+        Ok([
+            array(target.positions, "positions of a target")?,
+            array(target.normals, "normals of a target")?,
+            array(target.tangents, "tangents of a target")?,
+        ])
+    };
+    let vectors = structures.iter().map(of_target).collect::<Result<Vec<[Cow<'_, [[f32; 3]]>; 3]>>>()?;
+    let mut targets = Vec::new();
+    for (target, [positions, normals, tangents]) in structures.iter().zip(&vectors) {
         // SAFETY: as above.
-        unsafe {
-            targets.push(TargetArrays {
-                name: text_or_empty(target.name, "name of a target")?,
-                positions: optional(target.positions.cast(), count, "positions of a target")?,
-                normals: optional(target.normals.cast(), count, "normals of a target")?,
-                tangents: optional(target.tangents.cast(), count, "tangents of a target")?,
-            });
-        }
+        let name = unsafe { text_or_empty(target.name, "name of a target") }?;
+        targets.push(TargetArrays { name, positions, normals, tangents });
     }
+    let vertex = (count, arrays.stride);
+    ensure!(count == 0 || !arrays.positions.is_null(), "'positions' is a null pointer; hand in an array");
     // SAFETY: as above.
     let arrays = unsafe {
         MeshArrays {
             name: text_or_empty(arrays.name, "name")?,
-            positions: slice(arrays.positions.cast(), count, "positions")?,
-            normals: optional(arrays.normals.cast(), count, "normals")?,
-            tangents: optional(arrays.tangents.cast(), count, "tangents")?,
-            texcoords: optional(arrays.texcoords.cast(), count, "texcoords")?,
+            positions: &vertices(arrays.positions, vertex, "positions")?,
+            normals: &vertices(arrays.normals, vertex, "normals")?,
+            tangents: &vertices(arrays.tangents, vertex, "tangents")?,
+            texcoords: &vertices(arrays.texcoords, vertex, "texcoords")?,
             indices: slice(arrays.indices, arrays.index_count as usize, "indices")?,
             targets: &targets,
             absolute: arrays.absolute != 0,
@@ -239,11 +249,28 @@ unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<deltamorph::Me
     Ok(deltamorph::Mesh::from_arrays(&arrays)?)
 }
 
+/// An array of vectors for each vertex, `stride` bytes apart, or contiguous for 0; empty for a null pointer.
+///
 /// # Safety
-/// The conditions of [`slice()`].
-unsafe fn optional<'a, T>(pointer: *const T, count: usize, what: &str) -> Result<&'a [T]> {
-    // SAFETY: the caller's obligation.
-    if pointer.is_null() { Ok(&[]) } else { unsafe { slice(pointer, count, what) } }
+/// The conditions of [`slice()`], for as many bytes.
+unsafe fn vertices<'a, const N: usize>(
+    first: *const f32,
+    (count, stride): (usize, u32),
+    what: &str,
+) -> Result<Cow<'a, [[f32; N]]>> {
+    let size = size_of::<[f32; N]>();
+    if first.is_null() {
+        return Ok(Cow::Borrowed(&[]));
+    }
+    if stride == 0 || stride as usize == size {
+        // SAFETY: the caller's obligation.
+        return Ok(Cow::Borrowed(unsafe { slice(first.cast(), count, what) }?));
+    }
+    let fits = stride.is_multiple_of(4) && stride as usize >= size;
+    ensure!(fits, "'stride' is {stride}; use a multiple of 4, and at least the {size} bytes of {what}");
+    // SAFETY: as above; `read_unaligned` takes any address.
+    let vector = |v: usize| unsafe { first.byte_add(v * stride as usize).cast::<[f32; N]>().read_unaligned() };
+    Ok(Cow::Owned((0..count).map(vector).collect()))
 }
 
 /// Write a mesh as a packed file (.dmorph), which `dm_mesh_open` and `dm_mesh_from_bytes` read without packing again.

@@ -6,8 +6,10 @@ use deltamorph::{Consumers, DeltaFormat, PoseFormat, Semantic, UpdateMode, Updat
 
 /// Vertices are doubled at seams, so that one index buffer draws poses as they are.
 pub const DM_MESH_SPLIT: u32 = 1;
-/// Vertices at the same position in the base pose and all targets are joined: for meshes that come doubled at seams.
-/// With `DM_MESH_SPLIT` as well, seams are doubled first, and then all vertices at the same position are joined.
+/// Vertices at the same position in the base pose and all targets get the same deltas and, if they are computed, the
+/// same normals: for meshes that come doubled at seams, which otherwise may open. The vertices stay, in number and
+/// order. Packing takes half as long again (fast) or a tenth longer (small). With `DM_MESH_SPLIT` as well, seams are
+/// doubled first.
 pub const DM_MESH_WELD: u32 = 2;
 /// Keep all deltas except zeros.
 pub const DM_MESH_KEEP_ALL: u32 = 4;

@@ -7,7 +7,7 @@ use crate::memory::{Place, Versioned, slice};
 use crate::result::{DmResult, Result, ensure, enter, lock};
 use crate::structs::{DmTicket, DmUpdate};
 use deltamorph::Update;
-use deltamorph::ash::vk;
+use deltamorph::ash::vk::{self, Handle as _};
 use std::sync::Arc;
 
 /// The result of an update in C's terms.
@@ -23,6 +23,7 @@ fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
         rebuilt_blocks: stats.rebuilt_blocks as u64,
         bytes_moved: stats.bytes_moved,
         bytes_floor: stats.bytes_floor,
+        timestamps: update.timestamps,
         ..DmUpdate::zeroed()
     }
 }
@@ -99,6 +100,25 @@ unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<
         }
     }
     Ok(all)
+}
+
+/// Have the next update of a crowd that is recorded write timestamps into queries of the application: query `first` when
+/// the commands before the update have finished, the following ones after each of its steps, at BOTTOM_OF_PIPE.
+/// DmUpdate::timestamps says how many. Recording fails if `count` is too small; the setting is used up either way.
+///
+/// # Safety
+/// - Queries `first` to `first` + `count` are of a pool of timestamps on the engine's device, which lives until the device
+///   has finished. They are reset before the update runs, and in no other use until then.
+/// - The queue of the update has timestamps (`timestampValidBits` of its family is not 0).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dm_crowd_set_queries(crowd: DmCrowd, pool: vk::QueryPool, first: u32, count: u32) -> DmResult {
+    enter("dm_crowd_set_queries", || {
+        ensure!(!pool.is_null(), "'pool' is null; hand in a query pool");
+        let object = crowd.get()?;
+        // SAFETY: the caller's obligations.
+        unsafe { lock(&object.state)?.crowd.set_queries(pool, first, count) };
+        Ok(())
+    })
 }
 
 /// Discard the update of a ticket and all later ones of the crowd, which will never run: the contents of the poses that

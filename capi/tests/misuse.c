@@ -150,8 +150,10 @@ static void meshes_and_clips(void) {
     INVALID("3", dm_mesh_from_arrays(&bad, NULL, &mesh));
     bad = arrays, bad.index_count = 2;
     INVALID("give three per triangle", dm_mesh_from_arrays(&bad, NULL, &mesh));
-    bad = arrays, bad.reserved = 1;
-    INVALID("'reserved' is 1", dm_mesh_from_arrays(&bad, NULL, &mesh));
+    bad = arrays, bad.stride = 8;
+    INVALID("'stride' is 8", dm_mesh_from_arrays(&bad, NULL, &mesh));
+    bad.stride = 14;
+    INVALID("a multiple of 4", dm_mesh_from_arrays(&bad, NULL, &mesh));
     targets[1].struct_size = 4;
     INVALID("struct_size of 4", dm_mesh_from_arrays(&arrays, NULL, &mesh));
     targets[1].struct_size = sizeof *targets;

@@ -70,6 +70,22 @@ static void output_streams(DmCrowd crowd, VkBuffer buffer) {
     INVALID("DmOutputStream: 'reserved' is 1", dm_crowd_set_output_target(crowd, 0, none, &target));
 }
 
+static void queries(const Host *host, DmCrowd crowd) {
+    const VkQueryPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
+                                        .queryType = VK_QUERY_TYPE_TIMESTAMP, .queryCount = 1};
+    VkQueryPool pool;
+    HOLDS(vkCreateQueryPool(host->device, &info, NULL, &pool) == VK_SUCCESS);
+    INVALID("'pool' is null", dm_crowd_set_queries(crowd, VK_NULL_HANDLE, 0, 1));
+    HANDLE("null handle in place of a crowd", dm_crowd_set_queries(no_crowd, pool, 0, 1));
+    WORKS(dm_crowd_set_queries(crowd, pool, 0, 1));
+    WORKS(dm_crowd_set_weight(crowd, 0, 0, 0.5f));
+    host_begin(host);
+    INVALID("queries", dm_record_update(host->cmd, 1, &crowd, NULL));
+    WORKS(dm_record_update(host->cmd, 1, &crowd, NULL));
+    host_submit_and_wait(host);
+    vkDestroyQueryPool(host->device, pool, NULL);
+}
+
 /* The crowd has a pose. */
 static void readbacks(const Host *host, DmEngine engine, DmCrowd crowd, DmCrowd elsewhere) {
     DmReadback readback = {0};
@@ -200,6 +216,7 @@ static void steps(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     single_weights(crowd, animated);
     descriptions(uploaded);
     output_streams(crowd, buffer);
+    queries(host, crowd);
     readbacks(host, engine, crowd, elsewhere);
     skins(host, engine, other, mesh, another, crowd, buffer);
     surfaces_and_outputs(host, engine, other, mesh, crowd, buffer);

@@ -259,6 +259,29 @@ fn cpp_owners_are_right_and_lose_nothing() {
     assert!(output.status.success(), "{}", text(&output.stderr));
 }
 
+/// The code of README.md, with what it leaves to the reader declared.
+#[test]
+fn the_code_of_the_readme_compiles() {
+    let readme = std::fs::read_to_string(root().join("capi/README.md")).expect("the README");
+    let blocks: Vec<&str> = readme.split("```c\n").skip(1).filter_map(|text| text.split("```").next()).collect();
+    assert_eq!(blocks.len(), 2);
+    let dir = tempfile::tempdir().expect("a folder");
+    let file = dir.path().join("readme.c");
+    for block in blocks {
+        let code = format!(
+            "#include <deltamorph.h>\n#include <vulkan/vulkan.h>\n\
+             void code(VkInstance instance, VkPhysicalDevice physical, VkDevice vulkan_device, VkCommandBuffer cmd,\n\
+             VkBuffer buffer, const void *vertices, const float **deltas, const uint32_t *indices,\n\
+             uint32_t vertex_count, uint32_t index_count, const float *weights, uint32_t target_count,\n\
+             DmEngine engine, DmMesh mesh, DmGpuMesh uploaded, DmCrowd crowd, DmPoseView pose) {{\n{block}}}\n"
+        );
+        std::fs::write(&file, code).expect("a file");
+        let mut compiler = Command::new("cc");
+        compiler.args(["-std=c99", "-fsyntax-only", "-Wno-unused-parameter"]).args(STRICT);
+        ran(compiler.args(["-Wno-unused-parameter", "-I"]).arg(root().join("include")).arg(&file));
+    }
+}
+
 /// The commands of README.md as printed, in a home folder of their own, produce a program that runs. Only the first is
 /// left out, since it takes minutes: its folder exists, with the name used by hosts that build elsewhere.
 #[test]

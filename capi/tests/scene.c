@@ -7,7 +7,7 @@
 #include "../../examples/c/minimal.c"
 #undef main
 
-enum { SIDE = 24, TEETH_SIDE = 9, TARGETS = 6, JOINTS = 3, STRIDE = 48, FRAMES = 9, INFLUENCES = 4 };
+enum { SIDE = 24, TEETH_SIDE = 9, TARGETS = 6, JOINTS = 3, STRIDE = 48, FRAMES = 9, INFLUENCES = 4, QUERIES = 8 };
 
 static const char *const NAMES[TARGETS] = {"smile", "blink", "jawOpen", "browUp", "pucker", "sneer"};
 
@@ -50,16 +50,20 @@ static void patch_destroy(Patch *patch) {
     free(patch->positions), free(patch->indices);
 }
 
+/* From vertices of 20 bytes, of which positions are 12; deltas are contiguous. */
 static DmMesh patch_mesh(const Patch *patch) {
+    float *vertices = room_for(patch->vertices, 20);
+    for (uint32_t v = 0; v < patch->vertices; v++) memcpy(vertices + v * 5, patch->positions + v * 3, 12);
     DmTargetArrays targets[TARGETS] = {{0}};
     for (uint32_t t = 0; t < patch->targets; t++)
         targets[t] = (DmTargetArrays){.struct_size = sizeof *targets, .name = patch->names[t],
-                                      .positions = patch->deltas[t]};
+                                      .positions = patch->deltas[t], .stride = t % 2 ? 12 : 0};
     DmMeshArrays arrays = {.struct_size = sizeof arrays, .vertex_count = patch->vertices, .name = "patch",
-                           .positions = patch->positions, .indices = patch->indices,
+                           .positions = vertices, .stride = 20, .indices = patch->indices,
                            .index_count = patch->triangles * 3, .targets = targets, .target_count = patch->targets};
     DmMesh mesh;
     DM(dm_mesh_from_arrays(&arrays, NULL, &mesh));
+    free(vertices);
     return mesh;
 }
 
@@ -276,6 +280,10 @@ int main(int argc, char **argv) {
 
     DmReadback readback;
     DM(dm_readback_create(engine, &readback));
+    const VkQueryPoolCreateInfo of_times = {.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
+                                            .queryType = VK_QUERY_TYPE_TIMESTAMP, .queryCount = QUERIES};
+    VkQueryPool queries;
+    if (vkCreateQueryPool(host.device, &of_times, NULL, &queries) != VK_SUCCESS) fail("a query pool", "is not there");
     double *exact = room_for(face.vertices, 6 * sizeof *exact), *reference = room_for(face.vertices, 6 * sizeof *exact);
     float *read = room_for(teeth.vertices, 6 * sizeof *read);
     uint32_t *teeth_packed = room_for(teeth.vertices, sizeof *teeth_packed);
@@ -297,6 +305,8 @@ int main(int argc, char **argv) {
         DmUpdate updates[2] = {{.struct_size = sizeof *updates}, {.struct_size = sizeof *updates}};
         const uint32_t instance = 0;
         host_begin(&host);
+        vkCmdResetQueryPool(host.cmd, queries, 0, QUERIES);
+        DM(dm_crowd_set_queries(crowds[0], queries, 0, QUERIES));
         DM(dm_record_update(host.cmd, 2, crowds, updates));
         DM(dm_readback_record(readback, host.cmd, crowds[1], &instance, 1));
         VkMemoryBarrier read_by_host = {.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
@@ -305,6 +315,13 @@ int main(int argc, char **argv) {
         const VkPipelineStageFlags from = VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, to = VK_PIPELINE_STAGE_HOST_BIT;
         vkCmdPipelineBarrier(host.cmd, from, to, 0, 1, &read_by_host, 0, NULL, 0, NULL);
         host_submit_and_wait(&host);
+
+        /* Blocks, outputs, normals. */
+        uint64_t times[QUERIES] = {0};
+        if (updates[0].timestamps != 4 || updates[1].timestamps != 0) fail("timestamps", "are not those of three steps");
+        vkGetQueryPoolResults(host.device, queries, 0, 4, sizeof times, times, 8, VK_QUERY_RESULT_64_BIT);
+        for (int i = 0; i < 3; i++)
+            if (times[i] > times[i + 1] || times[i] == 0) fail("timestamps", "are not in order");
 
         patch_evaluate(&face, weights, exact);
         DM(dm_mesh_evaluate(meshes[0], weights, TARGETS, reference, (size_t)face.vertices * 6));
@@ -337,6 +354,7 @@ int main(int argc, char **argv) {
     }
 
     DM(dm_readback_destroy(readback));
+    vkDestroyQueryPool(host.device, queries, NULL);
     for (int i = 0; i < 2; i++) DM(dm_crowd_destroy(crowds[i]));
     for (int i = 0; i < 2; i++) DM(dm_gpu_mesh_destroy(uploaded[i]));
     for (int i = 0; i < 2; i++) DM(dm_mesh_destroy(meshes[i]));

@@ -131,6 +131,11 @@ pub struct DmUpdate {
     pub bytes_moved: u64,
     /// Lower bound of the bytes that any update could move.
     pub bytes_floor: u64,
+    /// Timestamps that it writes into the queries of `dm_crowd_set_queries`: one more than steps; 0 without queries, or
+    /// if nothing was recorded.
+    pub timestamps: u32,
+    /// Zero.
+    pub reserved: u32,
 }
 
 /// Buffer and layout of a pose. A component, in input units, is offset + number × unit; normals are not normalised.

@@ -68,8 +68,9 @@ pub struct DmMeshArrays {
     pub target_count: u32,
     /// Not 0: targets state positions; 0: displacements from the base pose.
     pub absolute: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Bytes from vertex to vertex in positions, normals, tangents and texcoords, which may be interleaved: a multiple of
+    /// 4; 0: each of them is contiguous.
+    pub stride: u32,
 }
 
 /// A target of `DmMeshArrays`; a null array changes nothing.
@@ -78,8 +79,8 @@ pub struct DmMeshArrays {
 pub struct DmTargetArrays {
     /// sizeof(DmTargetArrays), the same for all targets.
     pub struct_size: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Bytes from vertex to vertex in its arrays, a multiple of 4; 0: each of them is contiguous.
+    pub stride: u32,
     /// Name; null: "target" and its number.
     pub name: *const c_char,
     /// Positions, or their deltas, three floats for each vertex.

@@ -31,8 +31,8 @@ versioned! {
     DmEngineDesc reserved;
     DmEngineInfo;
     DmMeshDesc;
-    DmMeshArrays reserved;
-    DmTargetArrays reserved;
+    DmMeshArrays;
+    DmTargetArrays;
     DmSampleDesc;
     DmMeshInfo;
     DmRenderVertices;

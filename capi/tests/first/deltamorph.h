@@ -47,8 +47,8 @@ typedef struct DmRenderVertices { uint32_t struct_size; uint32_t vertex_count; u
 typedef struct DmEngine { uint64_t bits; } DmEngine;
 typedef void (*DmMessage)(void *user, uint32_t severity, const char *text);
 typedef struct DmMeshDesc { uint32_t struct_size; uint32_t flags; struct DmEngine engine; float position_tolerance; float normal_tolerance; uint32_t delta_format; uint32_t block_size; float position_error; float normal_error_degrees; float absolute_error; float weight_max; DmMessage message; void *message_user; } DmMeshDesc;
-typedef struct DmTargetArrays { uint32_t struct_size; uint32_t reserved; const char *name; const float *positions; const float *normals; const float *tangents; } DmTargetArrays;
-typedef struct DmMeshArrays { uint32_t struct_size; uint32_t vertex_count; const char *name; const float *positions; const float *normals; const float *tangents; const float *texcoords; const uint32_t *indices; const struct DmTargetArrays *targets; uint32_t index_count; uint32_t target_count; uint32_t absolute; uint32_t reserved; } DmMeshArrays;
+typedef struct DmTargetArrays { uint32_t struct_size; uint32_t stride; const char *name; const float *positions; const float *normals; const float *tangents; } DmTargetArrays;
+typedef struct DmMeshArrays { uint32_t struct_size; uint32_t vertex_count; const char *name; const float *positions; const float *normals; const float *tangents; const float *texcoords; const uint32_t *indices; const struct DmTargetArrays *targets; uint32_t index_count; uint32_t target_count; uint32_t absolute; uint32_t stride; } DmMeshArrays;
 typedef struct DmClip { uint64_t bits; } DmClip;
 typedef struct DmClipArrays { uint32_t struct_size; uint32_t frame_count; uint32_t column_count; float fps; const char *name; const char *const *names; const float *values; } DmClipArrays;
 typedef struct DmClipInfo { uint32_t struct_size; uint32_t frame_count; uint32_t column_count; float fps; } DmClipInfo;
@@ -68,7 +68,7 @@ typedef struct DmLevelDesc { uint32_t struct_size; uint32_t pin_count; struct Dm
 typedef struct DmAnimationDesc { uint32_t struct_size; uint32_t clip_count; const struct DmClip *clips; uint32_t key_bits; uint32_t reserved; const struct DmLevelDesc *level; } DmAnimationDesc;
 typedef struct DmPlayback { uint32_t struct_size; uint32_t clip; double start; double speed; uint32_t once; uint32_t reserved; } DmPlayback;
 typedef struct DmTicket { uint64_t crowd; uint64_t number; } DmTicket;
-typedef struct DmUpdate { uint32_t struct_size; float bound; struct DmTicket ticket; uint64_t coefficients; uint64_t passes; uint64_t rebuilt; uint64_t dirty_blocks; uint64_t rebuilt_blocks; uint64_t bytes_moved; uint64_t bytes_floor; } DmUpdate;
+typedef struct DmUpdate { uint32_t struct_size; float bound; struct DmTicket ticket; uint64_t coefficients; uint64_t passes; uint64_t rebuilt; uint64_t dirty_blocks; uint64_t rebuilt_blocks; uint64_t bytes_moved; uint64_t bytes_floor; uint32_t timestamps; uint32_t reserved; } DmUpdate;
 typedef struct DmPoseView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint64_t size; uint32_t format; uint32_t slot; float units[6]; float offsets[6]; VkBuffer previous_buffer; uint64_t previous_offset; } DmPoseView;
 typedef struct DmStreamView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t components; uint32_t format; float units[4]; float offsets[4]; uint32_t slot; uint32_t reserved; } DmStreamView;
 typedef struct DmReadback { uint64_t bits; } DmReadback;
@@ -131,6 +131,7 @@ DmResult dm_crowd_set_level(struct DmCrowd crowd, uint32_t instance, float level
 DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
 DmResult dm_record_update(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
+DmResult dm_crowd_set_queries(struct DmCrowd crowd, VkQueryPool pool, uint32_t first, uint32_t count);
 DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 DmResult dm_crowd_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 DmResult dm_crowd_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
