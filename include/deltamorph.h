@@ -299,8 +299,8 @@ typedef struct DmMeshArrays {
     uint32_t target_count;
     /// Not 0: targets state positions; 0: displacements from the base pose.
     uint32_t absolute;
-    /// Bytes from vertex to vertex in positions, normals, tangents and texcoords, which may be interleaved: a multiple of
-    /// 4; 0: each of them is contiguous.
+    /// Bytes from vertex to vertex in positions, normals, tangents and texcoords, which may be interleaved: a multiple
+    /// of 4; 0: each of them is contiguous.
     uint32_t stride;
 } DmMeshArrays;
 
@@ -1190,18 +1190,15 @@ DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t t
 ///   size.
 DmResult dm_record_update(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
 
-/// Have the next update of a crowd that is recorded write timestamps into queries of the application: query `first` when
-/// the commands before the update have finished, the following ones after each of its steps, at BOTTOM_OF_PIPE.
+/// Have the next update of a crowd that is recorded write timestamps into queries of the application: query `first`
+/// when the commands before the update have finished, the following ones after each of its steps, at BOTTOM_OF_PIPE.
 /// DmUpdate::timestamps says how many. Recording fails if `count` is too small; the setting is used up either way.
 ///
 /// Safety:
-/// - Queries `first` to `first` + `count` are of a pool of timestamps on the engine's device, which lives until the device
-///   has finished. They are reset before the update runs, and in no other use until then.
+/// - Queries `first` to `first` + `count` are of a pool of timestamps on the engine's device, which lives until the
+///   device has finished. They are reset before the update runs, and in no other use until then.
 /// - The queue of the update has timestamps (`timestampValidBits` of its family is not 0).
-DmResult dm_crowd_set_queries(struct DmCrowd crowd,
-                              VkQueryPool pool,
-                              uint32_t first,
-                              uint32_t count);
+DmResult dm_crowd_set_queries(struct DmCrowd crowd, VkQueryPool pool, uint32_t first, uint32_t count);
 
 /// Discard the update of a ticket and all later ones of the crowd, which will never run: the contents of the poses that
 /// they would have written are unknown, and the next update writes them again. Discarding an update twice changes

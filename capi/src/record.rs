@@ -102,13 +102,13 @@ unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<
     Ok(all)
 }
 
-/// Have the next update of a crowd that is recorded write timestamps into queries of the application: query `first` when
-/// the commands before the update have finished, the following ones after each of its steps, at BOTTOM_OF_PIPE.
+/// Have the next update of a crowd that is recorded write timestamps into queries of the application: query `first`
+/// when the commands before the update have finished, the following ones after each of its steps, at BOTTOM_OF_PIPE.
 /// DmUpdate::timestamps says how many. Recording fails if `count` is too small; the setting is used up either way.
 ///
 /// # Safety
-/// - Queries `first` to `first` + `count` are of a pool of timestamps on the engine's device, which lives until the device
-///   has finished. They are reset before the update runs, and in no other use until then.
+/// - Queries `first` to `first` + `count` are of a pool of timestamps on the engine's device, which lives until the
+///   device has finished. They are reset before the update runs, and in no other use until then.
 /// - The queue of the update has timestamps (`timestampValidBits` of its family is not 0).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_set_queries(crowd: DmCrowd, pool: vk::QueryPool, first: u32, count: u32) -> DmResult {

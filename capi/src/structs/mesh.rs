@@ -68,8 +68,8 @@ pub struct DmMeshArrays {
     pub target_count: u32,
     /// Not 0: targets state positions; 0: displacements from the base pose.
     pub absolute: u32,
-    /// Bytes from vertex to vertex in positions, normals, tangents and texcoords, which may be interleaved: a multiple of
-    /// 4; 0: each of them is contiguous.
+    /// Bytes from vertex to vertex in positions, normals, tangents and texcoords, which may be interleaved: a multiple
+    /// of 4; 0: each of them is contiguous.
     pub stride: u32,
 }
 

@@ -136,12 +136,8 @@ impl Morph {
     /// description.
     ///
     /// # Errors
-    /// Those of [`MorphEngine::create_crowd`]; poses in the host's own vertices, which wgpu does not support.
+    /// Those of [`MorphEngine::create_crowd`].
     pub fn create_crowd(&self, mesh: &Mesh, desc: &CrowdDesc) -> Result<Crowd> {
-        if desc.poses.is_some() {
-            let text = "poses in the host's own vertices, through wgpu";
-            return Err(invalid(text, "do not set CrowdDesc::poses, and read Crowd::pose"));
-        }
         let made = CrowdDesc {
             consumers: desc.consumers | consumers(),
             pose_usage: desc.pose_usage | vk::BufferUsageFlags::TRANSFER_DST,
