@@ -75,8 +75,8 @@ use std::sync::{Arc, OnceLock};
 ///   draw of frame n - (slots + 1) / 2 (rounded down), or of n - (slots - 1) / 2 and at least of n - 1 if draws also
 ///   read the previous pose.
 /// - Outputs of [post-morph passes](crate::after) lie in the host's buffers, which the host shares among the families
-///   itself. A target has one output buffer, so its update waits for the draw of the previous frame; a skin target may
-///   have two.
+///   itself. The update of a target with one output buffer waits for the draw of the previous frame; a
+///   [second buffer](crate::after::OutputStream::second) saves that.
 ///
 /// Updates of one crowd run on one queue, or on several that semaphores order. The crowds of one call of
 /// [`record_updates`](Self::record_updates) must have the same family.
