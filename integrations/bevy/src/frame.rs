@@ -6,9 +6,10 @@ use bevy::core_pipeline::prepass::MotionVectorPrepass;
 use bevy::mesh::Mesh2d;
 use bevy::mesh::morph::{MeshMorphWeights, MorphWeights};
 use bevy::platform::collections::{HashMap, HashSet};
-use bevy::prelude::{AssetId, Entity, Mesh, Mesh3d, Query, Res, ResMut, Resource, With, Without};
+use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::sync_world::MainEntity;
+use deltamorph::WeightBounds;
 use std::ops::Range;
 
 /// The state of the main world in this frame.
@@ -24,6 +25,8 @@ pub(crate) struct Frame {
     /// The meshes whose vertices may hold a pose: a single entity shows the mesh, and no camera needs motion vectors,
     /// which require the previous pose.
     pub alone: HashSet<AssetId<Mesh>>,
+    /// Bounds of meshes that were taken over, for the main world.
+    pub bounds: Vec<(AssetId<Mesh>, WeightBounds)>,
 }
 
 /// An entity that shows a mesh.
@@ -42,7 +45,7 @@ pub(crate) fn extract(
     flat: Extract<Query<&Mesh2d>>,
     moving: Extract<Query<(), With<MotionVectorPrepass>>>,
 ) {
-    let Frame { rooms, settings, shown: entities, weights, alone } = &mut *frame;
+    let Frame { rooms, settings, shown: entities, weights, alone, .. } = &mut *frame;
     rooms.clone_from(&wanted.rooms);
     *settings = wanted.settings;
     entities.clear();
@@ -53,11 +56,7 @@ pub(crate) fn extract(
             continue;
         }
         // As in Bevy's own extraction: an invisible entity has no weights, and is not drawn.
-        let values = match own {
-            _ if !visibility.get() => None,
-            MeshMorphWeights::Value { weights } => Some(weights.as_slice()),
-            MeshMorphWeights::Reference(of) => shared.get(*of).ok().map(MorphWeights::weights),
-        };
+        let values = weights_of(own, &shared).filter(|_| visibility.get());
         let range = values.map(|values| {
             let begin = weights.len();
             weights.extend_from_slice(values);
@@ -73,4 +72,12 @@ pub(crate) fn extract(
     let all = entities.values().map(|shown| shown.mesh).chain(others);
     all.filter(|id| rooms.contains_key(id)).for_each(|id| *counts.entry(id).or_default() += 1);
     alone.extend(counts.iter().filter(|(_, count)| **count == 1).map(|(id, _)| *id));
+}
+
+/// The weights that an entity names.
+pub(crate) fn weights_of<'a>(own: &'a MeshMorphWeights, shared: &'a Query<&MorphWeights>) -> Option<&'a [f32]> {
+    match own {
+        MeshMorphWeights::Value { weights } => Some(weights),
+        MeshMorphWeights::Reference(of) => shared.get(*of).ok().map(MorphWeights::weights),
+    }
 }

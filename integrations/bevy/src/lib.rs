@@ -7,9 +7,9 @@
 //! ```
 //!
 //! deltamorph then morphs entities with a [`Mesh3d`] and Bevy's own [`MeshMorphWeights`], as the glTF loader makes
-//! them, by the weights that Bevy's components name ([`MorphWeights`](bevy::mesh::morph::MorphWeights)). Materials,
-//! shadows, prepasses, motion vectors and skins remain Bevy's. [`DeltamorphSettings`] switches all meshes to Bevy's own
-//! morphing and back, [`BevyMorphing`] a single mesh.
+//! them, by the weights that Bevy's components name ([`MorphWeights`]). Materials, shadows, prepasses, motion vectors
+//! and skins remain Bevy's. [`DeltamorphSettings`] switches all meshes to Bevy's own morphing and back,
+//! [`BevyMorphing`] a single mesh.
 //!
 //! # How
 //! Bevy's vertex shaders add up all targets of a mesh, from a storage buffer with 48 bytes for each vertex of each
@@ -21,11 +21,14 @@
 //!
 //! All of this happens in the render world: components and assets of the application are only read. An
 //! [`AssetEvent::Modified`](bevy::asset::AssetEvent) makes the render world extract a mesh again. So, while a mesh is
-//! morphed here, its original targets take no memory of the GPU.
+//! morphed here, its original targets take no memory of the GPU. The one component that is written is
+//! [`Aabb`](bevy::camera::primitives::Aabb), by which Bevy culls: it is a box around the pose, except of entities with
+//! [`NoAutoAabb`](bevy::camera::visibility::NoAutoAabb).
 //!
 //! # What stays with Bevy
 //! Devices that are not on Vulkan, and meshes that deltamorph does not support. The log says which, and why.
 
+mod bounds;
 mod frame;
 mod mesh;
 mod targets;
@@ -35,16 +38,16 @@ mod vertices;
 pub use deltamorph::{self, DeltaFormat};
 
 use bevy::asset::{AssetEventSystems, RenderAssetUsages};
-use bevy::ecs::schedule::IntoScheduleConfigs;
+use bevy::camera::visibility::VisibilitySystems;
 use bevy::mesh::morph::MeshMorphWeights;
 use bevy::pbr::{prepare_morph_descriptors, write_morph_buffers};
 use bevy::platform::collections::{HashMap, HashSet};
-use bevy::prelude::{
-    App, AssetId, Assets, Component, Has, Mesh, Mesh3d, Plugin, PostUpdate, Query, Res, ResMut, Resource, With, warn,
-};
+use bevy::prelude::*;
 use bevy::render::mesh::allocator::{MeshAllocatorSettings, allocate_and_free_meshes};
 use bevy::render::render_resource::BufferUsages;
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems};
+use deltamorph::WeightBounds;
+use std::sync::Arc;
 
 /// Morphs meshes with deltamorph, as the [crate's documentation](crate) describes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -83,6 +86,8 @@ pub struct BevyMorphing;
 struct Wanted {
     /// The number of entities that each mesh has room for.
     rooms: HashMap<AssetId<Mesh>, u32>,
+    /// The bounds of poses, from the render world, which packs the meshes.
+    bounds: HashMap<AssetId<Mesh>, Arc<WeightBounds>>,
     /// Meshes that stay with Bevy and were reported to the log.
     refused: HashSet<AssetId<Mesh>>,
     settings: DeltamorphSettings,
@@ -91,15 +96,16 @@ struct Wanted {
 impl Plugin for DeltamorphPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<DeltamorphSettings>().init_resource::<Wanted>();
+        let boxes = bounds::update.after(VisibilitySystems::CalculateBounds).before(VisibilitySystems::CheckVisibility);
         // Runs before the events of this frame are sent, so that the render world sees the change in the same frame.
-        app.add_systems(PostUpdate, choose.before(AssetEventSystems));
+        app.add_systems(PostUpdate, (choose.before(AssetEventSystems), boxes));
         let Some(render) = app.get_sub_app_mut(RenderApp) else { return };
         // Allows poses to be written over vertices.
         let mut allocator = render.world_mut().get_resource_or_init::<MeshAllocatorSettings>();
         allocator.extra_buffer_usages |= BufferUsages::STORAGE;
         render.init_resource::<frame::Frame>();
         render.init_gpu_resource::<update::Engine>();
-        render.add_systems(ExtractSchedule, frame::extract);
+        render.add_systems(ExtractSchedule, (frame::extract, bounds::share));
         let update = update::update.after(prepare_morph_descriptors).before(write_morph_buffers);
         render.add_systems(
             Render,
@@ -118,7 +124,7 @@ fn choose(
     mut meshes: ResMut<Assets<Mesh>>,
     mut wanted: ResMut<Wanted>,
 ) {
-    let Wanted { rooms, refused, settings: before } = &mut *wanted;
+    let Wanted { rooms, bounds, refused, settings: before } = &mut *wanted;
     rooms.retain(|id, _| meshes.contains(*id));
     refused.retain(|id| meshes.contains(*id));
     let mut counts: HashMap<AssetId<Mesh>, Option<u32>> = HashMap::default();
@@ -164,6 +170,7 @@ fn choose(
             };
         }
     }
+    bounds.retain(|id, _| rooms.contains_key(id));
     for id in changed {
         if let Some(mesh) = meshes.get_mut(id) {
             mesh.into_inner();

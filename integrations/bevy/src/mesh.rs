@@ -9,7 +9,9 @@ use bevy::mesh::{MeshVertexAttribute, VertexAttributeValues};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::{AssetId, Mesh, error};
 use bevy::render::sync_world::MainEntity;
-use deltamorph::{CrowdDesc, Error, MeshArrays, PackedLayout, PoseFormat, Result, Semantic, TargetArrays, UpdateDesc};
+use deltamorph::{
+    CrowdDesc, Error, MeshArrays, PackedLayout, PoseFormat, Result, Semantic, TargetArrays, UpdateDesc, WeightBounds,
+};
 use deltamorph_wgpu::{Crowd, Morph, Stream};
 
 /// Targets of an entity in Bevy's buffer, used alternately for the new pose and the previous one.
@@ -65,6 +67,7 @@ pub(crate) struct EntityPose {
 
 impl Morphed {
     /// Takes over the targets of `mesh`, for `instances` entities, and replaces them with room for their poses.
+    /// Also returns the bounds of poses.
     ///
     /// # Errors
     /// deltamorph does not accept the mesh, or the device has no room for it.
@@ -74,7 +77,7 @@ impl Morphed {
         mesh: &mut Mesh,
         instances: u32,
         settings: &DeltamorphSettings,
-    ) -> Result<Self> {
+    ) -> Result<(Self, WeightBounds)> {
         let vertices = mesh.count_vertices();
         check_vertices(vertices, device.limits().max_compute_workgroups_per_dimension)?;
         let elements = vertices as u64 * u64::from(instances * SLOTS);
@@ -93,6 +96,7 @@ impl Morphed {
         let mut order: Vec<u32> = (0..vertices as u32).collect();
         layout.remap_indices(&mut order)?;
         let update = UpdateDesc { pose: PoseFormat::Fixed32, slots: 1, ..UpdateDesc::blocks() };
+        let bounds = WeightBounds::new(&packed, &update)?;
         // One more than the number of frames that a surface keeps in flight.
         let crowd = CrowdDesc { instances, frames_in_flight: 3, ..CrowdDesc::new(update) };
         let crowd = morph.create_crowd(&morph.upload(&packed)?, &crowd)?;
@@ -115,7 +119,7 @@ impl Morphed {
         let vertices_of_bevy = Vertices::new(device, mesh, &scale);
         let base = filled(device, "deltamorph vertices", &vectors(mesh), wgpu::BufferUsages::STORAGE);
         mesh.set_morph_targets(vec![MorphAttributes::default(); elements as usize]);
-        Ok(Self {
+        let morphed = Self {
             crowd,
             vertices: vertices as u32,
             has_tangents,
@@ -130,7 +134,8 @@ impl Morphed {
             targets: layout.targets.len(),
             instances,
             complained: false,
-        })
+        };
+        Ok((morphed, bounds))
     }
 
     /// Returns the number of elements in the room for its targets.

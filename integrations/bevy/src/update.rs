@@ -8,7 +8,7 @@ use bevy::ecs::world::{FromWorld, World};
 use bevy::log::{error_once, warn};
 use bevy::pbr::{MorphIndices, MorphUniforms, skins_use_uniform_buffers};
 use bevy::platform::collections::HashMap;
-use bevy::prelude::{AssetId, Mesh, Res, ResMut, Resource};
+use bevy::prelude::*;
 use bevy::render::mesh::RenderMesh;
 use bevy::render::mesh::allocator::MeshAllocator;
 use bevy::render::render_asset::ExtractedAssets;
@@ -58,7 +58,7 @@ impl FromWorld for Engine {
 pub(crate) fn take_meshes(
     mut engine: ResMut<Engine>,
     mut extracted: ResMut<ExtractedAssets<RenderMesh>>,
-    frame: Res<Frame>,
+    mut frame: ResMut<Frame>,
     device: Res<RenderDevice>,
 ) {
     let Some(Inner { meshes, morph, .. }) = &mut engine.0 else { return };
@@ -67,7 +67,10 @@ pub(crate) fn take_meshes(
         meshes.remove(id);
         let Some(room) = frame.rooms.get(id) else { continue };
         match Morphed::take(morph, device.wgpu_device(), mesh, *room, &frame.settings) {
-            Ok(morphed) => drop(meshes.insert(*id, morphed)),
+            Ok((morphed, bounds)) => {
+                meshes.insert(*id, morphed);
+                frame.bounds.push((*id, bounds));
+            }
             Err(why) => warn!("deltamorph: mesh {id} stays with Bevy's own morphing: {why}"),
         }
     }

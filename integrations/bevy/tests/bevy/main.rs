@@ -1,11 +1,13 @@
 //! Bevy with and without deltamorph, from the same components: the same pictures and motion vectors.
 
+mod bounds;
 mod gltf;
 #[allow(dead_code, reason = "its `main` is for `cargo run --example heads`")]
 #[path = "../../examples/heads.rs"]
 mod heads;
 #[path = "../../../wgpu/tests/wgpu/layers.rs"]
 mod layers;
+mod posed;
 mod probe;
 mod scene;
 mod times;
