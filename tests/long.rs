@@ -21,7 +21,7 @@ const COMPARED: u32 = 8;
 const CLOCK_WRAPS: f64 = 65_536.0;
 const RATE: f64 = 60.0;
 /// From this many frames on, a tenth of them covers all events many times.
-const SETTLED: u32 = 200_000;
+const SETTLED: u32 = 10_000;
 /// A start for numbers of updates and epochs that soon exceeds 32 bits, a multiple of any number of slots here.
 const NEAR_THE_WRAP: u64 = (1 << 32) - 100;
 
@@ -216,15 +216,15 @@ fn live(headless: &Headless, frames: u32, begin: u64) -> u64 {
     });
     let importance = Importance::of_packed(mesh, &[]).expect("an order");
     let animation = AnimationDesc { importance: Some(&importance), ..AnimationDesc::new(&clips) };
-    let animated = |rng: &mut Rng| {
+    let animated = |rng: &mut Rng, second: f64| {
         let mut scene = Scene::new(headless, mesh, described(rng, fixed(PoseFormat::Fixed16, 2)), &animation);
-        scene.begin_at(begin);
+        scene.begin_at(begin, second);
         (scene, vec![])
     };
     let mut crowds = kinds.each_ref().map(|kind| weighted(kind, &mut rng));
-    let (mut scene, mut gone) = animated(&mut rng);
-    let (mut counts, mut digest) = (Counts::new(), DefaultHasher::new());
     let (started, first_second) = (Instant::now(), (CLOCK_WRAPS - f64::from(frames) / RATE / 2.0).max(0.0));
+    let (mut scene, mut gone) = animated(&mut rng, first_second);
+    let (mut counts, mut digest) = (Counts::new(), DefaultHasher::new());
     let batches = frames.div_ceil(BATCH);
     let (mut early, mut last) = ([0; 2], [0; 2]);
     println!("| frames | seconds | VmRSS, KiB | of the device, KiB |\n|---|---|---|---|");
@@ -240,7 +240,7 @@ fn live(headless: &Headless, frames: u32, begin: u64) -> u64 {
         }
         if rng.below(32) == 0 {
             count(&mut counts, "animated crowds dropped and made");
-            (scene, gone) = animated(&mut rng);
+            (scene, gone) = animated(&mut rng, second(0));
         }
         if rng.below(16) == 0 {
             scene.drop_one(second(0));

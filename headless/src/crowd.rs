@@ -326,7 +326,10 @@ impl<'a> HeadlessCrowd<'a> {
         let ran = self.headless.submitter.submit(&cmds);
         match (&ran, recorded.first()) {
             (Err(_), Some(first)) => self.discard(first.ticket)?,
-            _ => drop(self.waiting.drain(..count)),
+            _ => {
+                self.waiting.drain(..count);
+                self.headless.submitter.free(&cmds);
+            }
         }
         ran
     }

@@ -61,12 +61,18 @@ impl Submitter {
         Ok(this)
     }
 
-    /// Allocates a further command buffer, freed with the submitter.
+    /// Allocates a further command buffer, freed by [`free`](Self::free) or with the submitter.
     pub fn allocate(&self) -> Result<vk::CommandBuffer> {
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         // SAFETY: the pool is ours.
         let made = unsafe { self.device.allocate_command_buffers(&info) };
         Ok(made.map_err(Error::vulkan("vkAllocateCommandBuffers"))?[0])
+    }
+
+    /// Frees allocated command buffers that have run.
+    pub fn free(&self, cmds: &[vk::CommandBuffer]) {
+        // SAFETY: they are of our pool, and not pending: `submit` has waited.
+        unsafe { self.device.free_command_buffers(self.pool, cmds) };
     }
 
     /// Records a command buffer. Beginning resets it, unless it is still recording: a buffer left in that state by a

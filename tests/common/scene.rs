@@ -99,10 +99,12 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Starts as if `updates` updates had been recorded.
-    pub fn begin_at(&mut self, updates: u64) {
+    /// Starts at `seconds`, as if `updates` updates had been recorded.
+    pub fn begin_at(&mut self, updates: u64, seconds: f64) {
         self.crowd.begin_at(updates);
+        self.crowd.set_time(seconds).expect("a time");
         self.heads.begin_at(updates);
+        self.heads.set_time(seconds).expect("a time");
     }
 
     pub fn play(&mut self, instance: u32, playback: Playback) {
