@@ -40,12 +40,13 @@ pub unsafe extern "C" fn dm_crowd_set_output_target(
     enter("dm_crowd_set_output_target", || {
         let is_skinned = skin.bits != 0;
         let make = |asked: &DmOutputTarget| {
-            match is_skinned {
-                true => check_buffer(asked.joints, "joints")?,
-                false => {
-                    let remedy = "'joints' is set, but 'skin' is the null handle; hand in both or neither";
-                    ensure!(asked.joints.is_null(), "{remedy}");
-                }
+            if is_skinned {
+                check_buffer(asked.joints, "joints")?;
+            } else {
+                ensure!(
+                    asked.joints.is_null(),
+                    "'joints' is set, but 'skin' is the null handle; hand in both or neither"
+                );
             }
             // SAFETY: the caller's obligations.
             Ok((*asked, unsafe { streams(asked) }?))

@@ -4,7 +4,7 @@ use super::context::TargetContext;
 use super::skin::Joints;
 use crate::abi::numbers::{SNORM8, SNORM10, SNORM16, UNIT_FLOATS};
 use crate::asset::streams::{Measure, Semantic};
-use crate::error::{Result, ensure};
+use crate::error::{Result, ensure, refuse};
 use crate::gpu::descriptors::BufferRange;
 use crate::update::technique::place_of;
 use ash::vk;
@@ -77,8 +77,9 @@ impl OutputStream {
         }
     }
 
-    fn buffers(&self) -> impl Iterator<Item = (vk::Buffer, u64)> {
-        [Some((self.buffer, self.offset)), self.second].into_iter().flatten()
+    /// The place in output buffer 0, or 1 if there is a second one.
+    fn place(&self, output: usize) -> (vk::Buffer, u64) {
+        self.second.filter(|_| output == 1).unwrap_or((self.buffer, self.offset))
     }
 }
 
@@ -151,10 +152,11 @@ impl Part {
             let &OutputStream { semantic, offset, stride, format, second, .. } = stream;
             let (group, place) = place_of(context.groups, semantic)?;
             let what = format!("stream '{semantic}' of {what}");
-            let formats = "use a float32 format with its components, or for normals and tangents R16G16B16A16_SNORM, \
-                           R8G8B8A8_SNORM or A2B10G10R10_SNORM_PACK32";
-            ensure!(stream.encoding().is_some(), format!("{what} in the format {format:?}"), formats);
-            let (encoding, bytes) = stream.encoding().unwrap_or_default();
+            let Some((encoding, bytes)) = stream.encoding() else {
+                let remedy = "use a float32 format with its components, or for normals and tangents \
+                              R16G16B16A16_SNORM, R8G8B8A8_SNORM or A2B10G10R10_SNORM_PACK32";
+                return refuse(format!("{what} in the format {format:?}"), remedy);
+            };
             let offsets = [offset, second.map_or(0, |(_, offset)| offset)];
             let fits = offsets.iter().all(|offset| offset.is_multiple_of(4));
             let fits = fits && stride.is_multiple_of(4) && stride >= bytes;
@@ -180,36 +182,34 @@ impl Part {
 
     /// Whether another part can be written with this one.
     fn takes(&self, other: &Self, limit: u64) -> bool {
-        let buffers = |part: &Self| part.written[0].stream.buffers().map(|(buffer, _)| buffer).collect::<Vec<_>>();
         let together = |output| {
             let [(begin, end), (other_begin, other_end)] = [self, other].map(|part| part.bytes(output));
-            end.max(other_end) - begin.min(other_begin)
+            let bytes = end.max(other_end) - begin.min(other_begin);
+            self.place(output).0 == other.place(output).0 && bytes <= limit
         };
-        self.group == other.group
-            && self.written.len() < STREAMS
-            && buffers(self) == buffers(other)
-            && (0..self.outputs()).all(|output| together(output) <= limit)
+        self.group == other.group && self.written.len() < STREAMS && (0..self.outputs()).all(together)
     }
 
     /// Number of output buffers: 1 or 2.
     pub fn outputs(&self) -> usize {
-        self.written[0].stream.buffers().count()
+        1 + usize::from(self.written[0].stream.second.is_some())
     }
 
     /// The place of the first stream in an output buffer.
-    pub fn place(&self, output: usize) -> Option<(vk::Buffer, u64)> {
-        self.written[0].stream.buffers().nth(output)
+    pub fn place(&self, output: usize) -> (vk::Buffer, u64) {
+        self.written[0].stream.place(output)
     }
 
     fn offsets(&self, output: usize) -> impl Iterator<Item = u64> {
-        self.written.iter().filter_map(move |written| Some(written.stream.buffers().nth(output)?.1))
+        self.written.iter().map(move |written| written.stream.place(output).1)
     }
 
     /// First and last byte of an output buffer that are written; the first is aligned.
     fn bytes(&self, output: usize) -> (u64, u64) {
         let begin = self.offsets(output).min().unwrap_or(0);
         let ends = self.offsets(output).zip(&self.written).map(|(offset, written)| {
-            offset + (self.vertices - 1) * u64::from(written.stream.stride) + u64::from(written.bytes)
+            let last = (self.vertices - 1) * u64::from(written.stream.stride);
+            offset.saturating_add(last + u64::from(written.bytes))
         });
         (begin - begin % ALIGNMENT, ends.max().unwrap_or(0))
     }
@@ -217,7 +217,7 @@ impl Part {
     /// The descriptor range in an output buffer, which is aligned.
     pub fn range(&self, output: usize) -> BufferRange {
         let (begin, end) = self.bytes(output);
-        BufferRange::new(self.place(output).map_or(vk::Buffer::null(), |(buffer, _)| buffer), begin, end - begin)
+        BufferRange::new(self.place(output).0, begin, end - begin)
     }
 
     /// The words of the range at which the streams start.

@@ -125,8 +125,8 @@ impl Pass {
         };
         let frames = 0..u64::from(context.frames);
         let outputs = part.outputs();
-        let bound: Vec<_> = frames.flat_map(|frame| (0..outputs).map(move |output| (frame, output))).collect();
-        let bound: Vec<_> = bound.into_iter().map(|(frame, output)| set(frame, output)).collect();
+        let each = frames.flat_map(|frame| (0..outputs).map(move |output| (frame, output)));
+        let bound: Vec<_> = each.map(|(frame, output)| set(frame, output)).collect();
         let [units, offsets] = poses.scale();
         let push = AfterPush {
             units,

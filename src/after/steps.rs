@@ -174,9 +174,8 @@ impl After {
     /// An instance that is not skinned; an invalid offset.
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
         for target in self.of(instance).filter(|target| !target.is_removed) {
-            let mut set = target.passes.iter_mut().filter_map(|pass| pass.set_joints(offset)).peekable();
-            if set.peek().is_some() {
-                set.collect::<Result<()>>()?;
+            let set = target.passes.iter_mut().filter_map(|pass| pass.set_joints(offset));
+            if !set.collect::<Result<Vec<()>>>()?.is_empty() {
                 target.is_moved = true;
                 return Ok(());
             }
@@ -197,7 +196,7 @@ impl After {
         };
         let Target { passes, output, previous, .. } = found.ok_or_else(none)?;
         let at = |output: usize| passes[0].part.place(output);
-        Ok(OutputView { current: at(*output).ok_or_else(none)?, previous: previous.and_then(at) })
+        Ok(OutputView { current: at(*output), previous: previous.map(at) })
     }
 
     /// Takes a change of the outputs of an instance. Buffers of a removed one stay alive for earlier updates; the host

@@ -472,6 +472,7 @@ fn targets_that_do_not_fit_are_refused() {
                 (OutputStream { stride: 26, ..first }, fours),
                 (OutputStream { second: Some((first.buffer, 2)), ..first }, fours),
                 (OutputStream { stride: 1 << 30, ..first }, smaller),
+                (OutputStream { offset: u64::MAX - 3, ..first }, "of a host buffer of at most"),
                 (OutputStream { format: vk::Format::R32G32_SFLOAT, ..first }, "in the format R32G32_SFLOAT"),
                 (OutputStream { format: vk::Format::R8G8B8A8_UNORM, ..first }, "A2B10G10R10_SNORM_PACK32"),
             ];
