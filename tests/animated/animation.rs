@@ -67,14 +67,14 @@ fn play_around(
 #[test]
 fn the_gpu_plans_as_the_cpu_does() {
     gpu::on_every_driver(|headless, _| {
-        // Others compile for seconds: one delta and pose format suffices there, since updates::integers runs each
-        // kernel that updates poses on every driver.
+        // Others compile for seconds: one delta format, block size and pose format suffices there, since
+        // updates::integers runs each kernel that updates poses on every driver.
         let all = headless.caps().name.contains(&gpu::one());
         let formats =
             [(DeltaFormat::Fast, 64), (DeltaFormat::Small, 32), (DeltaFormat::Small, 128), (DeltaFormat::Fast, 128)];
         for (i, instances) in [1, 7, 8, 9, 33].into_iter().enumerate() {
-            let (format, size) = formats[i % 4];
-            let mesh = packed(if all { format } else { DeltaFormat::Small }, size);
+            let (format, size) = if all { formats[i % 4] } else { formats[1] };
+            let mesh = packed(format, size);
             for slots in 1..4 {
                 let pose = FIXED[if all { (i + slots as usize) % 3 } else { 1 }];
                 let mode =

@@ -227,12 +227,15 @@ type Check = fn(&Headless, &Arc<PackedMesh>, UpdateDesc, usize, &Frames);
 /// kernels.
 #[test]
 fn any_history_leaves_the_bits_of_a_full_evaluation() {
-    let meshes = MESHES.map(|(format, size, streams)| packed(format, size, streams));
+    let meshes = MESHES.map(|(format, size, streams)| (packed(format, size, streams), size));
     gpu::on_every_driver(|headless, _| {
-        for (mesh, desc) in meshes.iter().flat_map(|mesh| gpu::fixed().map(|desc| (mesh, desc))) {
+        let all = headless.caps().name.contains(&gpu::one());
+        for ((mesh, size), desc) in meshes.iter().flat_map(|mesh| gpu::fixed().map(|desc| (mesh, desc))) {
+            // Other drivers compile the kernel of each tile width for a second: all widths with one block size only.
+            let most = if all || *size == 64 { HEADS } else { 1 };
             // All batch sizes of blocks.
             let batch = prop_oneof![Just(BatchSize::All), (1..=TARGETS as u32).prop_map(BatchSize::Targets)];
-            let strategy = (1u32..=4, batch, 1..=HEADS, any::<bool>(), frames());
+            let strategy = (1u32..=4, batch, 1..=most, any::<bool>(), frames());
             let checks: [(u32, Check); 2] = [(5, play), (3, play_with_a_budget)];
             for (cases, check) in checks {
                 let config = Config { cases, failure_persistence: None, ..Config::default() };
