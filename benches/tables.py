@@ -4,7 +4,7 @@
     ./with-vulkan python3 benches/tables.py DATA [SECTION...] > tables.md
 
 DATA is the folder of the real data sets. It needs the release build of the program, a machine that does nothing else,
-and half an hour for all sections: bytes, packed, load, jitter, clips, techniques, constant, faces, poses, crowds.
+and six minutes for all sections: bytes, packed, load, jitter, clips, techniques, constant, faces, poses, crowds.
 """
 
 import json
