@@ -85,6 +85,12 @@ pub fn one() -> String {
     drivers().swap_remove(0)
 }
 
+/// Whether every combination runs on a device: on those of [`drivers`]. SwiftShader is one if `DELTAMORPH_TEST_DRIVERS`
+/// names it, as `.ci/deep` does. Others compile a pipeline for a second.
+pub fn runs_all(headless: &Headless) -> bool {
+    drivers().iter().any(|driver| headless.caps().name.contains(driver))
+}
+
 /// Returns all kinds of updates that a device supports and that leave a pose on it, each with a delta format.
 pub fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
     let blocks = |format, pose| (format, UpdateDesc { pose, ..UpdateDesc::blocks() });
